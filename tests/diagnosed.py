@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
+from rigs import calibrated_rig
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.ingest.read import read_run
-from winchcascade.rig.baseline import baseline, load_rig
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.simulate import simulate, write_log
 
@@ -40,7 +41,7 @@ PLANTED: dict[str, Planted] = {
 def made_logs(effects: Planted, seconds: float = 75.0) -> list[Simulation]:
     """Logs of a rig with some effects, along motions of the packaged campaign, with noise of their own."""
     rng = np.random.default_rng(7)
-    model = baseline(load_rig("hsu2026"))
+    model = baseline(calibrated_rig())
     for name, fields in effects.items():
         model = make_effect(name, fields).apply(model)
     made = [simulate(_part(file, load, seconds), model) for file, load in LOGS.items()]
@@ -74,4 +75,4 @@ def diagnosed(name: str) -> ModelDiagnosis:
     """The diagnosis of one of `PLANTED`, with few suspects."""
     suspects = {suspect: EFFECTS[suspect] for suspect in SUSPECTS}
     runs = [one.run for one in made_logs(PLANTED[name])]
-    return diagnose(runs, load_rig("hsu2026"), suspects, title=f"a campaign of {name}", seed=1)
+    return diagnose(runs, calibrated_rig(), suspects, title=f"a campaign of {name}", seed=1)

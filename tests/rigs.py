@@ -3,10 +3,10 @@
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from winchcascade.core.quantity import KGF
@@ -18,7 +18,7 @@ from winchcascade.diagnosis.fit.block_means import Blocks, blocks_of
 from winchcascade.diagnosis.fit.entries import bound_to
 from winchcascade.diagnosis.fit.predict import Course
 from winchcascade.diagnosis.fit.suspects import Suspects
-from winchcascade.rig.baseline import baseline
+from winchcascade.rig.baseline import baseline, load_rig
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.kernel import COLUMNS, LineMotion
 from winchcascade.rig.parts import Model, with_part
@@ -31,10 +31,10 @@ LOADS = {
 }  # fmt: skip
 
 
-def by_limits(rig: Rig) -> Rig:
-    """A rig whose sensors were not calibrated in place, so that the makers' limits count."""
-    bare = {name: msgspec.structs.replace(s, u_zero=None, u_gain=None) for name, s in rig.sensors.items()}
-    return msgspec.structs.replace(rig, sensors=bare)
+@cache
+def calibrated_rig() -> Rig:
+    """The rig of the rebuilt campaign: that of the paper, whose sensors are calibrated in place."""
+    return load_rig(Path(__file__).parent.parent / "fixtures" / "campaign" / "rig.toml")
 
 
 def own_model(truth: dict[str, Any]) -> Model:

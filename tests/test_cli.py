@@ -341,3 +341,17 @@ def test_the_help_lists_options_in_their_groups() -> None:
     groups = [line.rstrip(":") for line in lines if line and line[0] != " " and not line.startswith("Usage")]
     assert groups == ["Arguments", "Input", "Evaluation", "Outputs", "Other"]
     assert max(map(len, lines)) <= 80
+
+
+def test_options_are_read_before_long_work_and_nothing_is_written_through_a_link(
+    tmp_path: Path, fixtures: Path
+) -> None:
+    for wrong in ("--loads nan", "--loads inf", "--speeds -1", "--current-limit nan", "--motion /dev/zero"):
+        assert call("design", fixtures / "campaign", *wrong.split(), patience=5).code == 2, wrong
+    assert call(*"plan hsu2026 --loads 9 --speeds 1 --length 1e9 --uncertainty eta_pto=0.01".split()).code == 2
+    shutil.copyfile(fixtures / "campaign" / "r36ohm.csv", tmp_path / "r36ohm.csv")
+    (tmp_path / "rig.toml").symlink_to(tmp_path / "elsewhere.toml")
+    assert call("init", tmp_path, "--write").code == 0
+    assert not (tmp_path / "elsewhere.toml").exists()
+    (tmp_path / "campaign.toml").write_text('[[run]]\nfile = "r36ohm.csv"\nload_ohm = 4,5\n', encoding="utf-8")
+    assert "4.5" in call("reduce", tmp_path / "r36ohm.csv").err

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from calls import call
 from diagnosed import PLANTED, SUSPECTS, write_campaign
+from rigs import calibrated_rig
 
 from winchcascade import (
     audit,
@@ -48,7 +49,7 @@ def test_simulate_takes_the_rig_that_reduce_takes() -> None:
 
 def test_calibrate_takes_the_rig_and_the_payouts_that_reduce_takes() -> None:
     run = read_run("fixtures/campaign/open_circuit.csv", load=math.inf)
-    plain, given = calibrate(run), calibrate(run, built_in())
+    plain, given = calibrate(run), calibrate(run, calibrated_rig())
     assert [(n.name, n.value) for n in plain.numbers] == [(n.name, n.value) for n in given.numbers]
     assert [onset for onset, _ in plain.payouts] == [cycle.phases.onset for cycle in reduce(run).complete]
     with pytest.raises(LogError, match="none of 0 payouts is complete"):
@@ -74,7 +75,7 @@ def test_a_file_a_frame_and_a_run_of_one_log_are_reduced_to_the_same_numbers(tmp
 
 def test_results_are_shown_in_one_line() -> None:
     run = read_run("fixtures/campaign/open_circuit.csv", load=math.inf)
-    assert repr(calibrate(run)).startswith("Calibration('hsu2026', k_e = 0.0620")
+    assert repr(calibrate(run)).startswith("Calibration('hsu2026_rebuilt', k_e = 0.0620")
     assert repr(simulate(run)) == f"Simulation({run!r})"
     assert repr(audit("hsu2026-table2")) == "Audit('hsu2026-table2', contradictions: 1, contradicted claims: 2)"
     check = open_campaign("fixtures/campaign").check("hsu2026-table2")

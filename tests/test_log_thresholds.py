@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from msgspec.structs import replace
+from rigs import calibrated_rig
 
 from winchcascade import Run, read_run, reduce
 from winchcascade.core.log_thresholds import (
@@ -25,8 +26,8 @@ from winchcascade.core.run import Signal
 from winchcascade.core.scales import motion_of_log
 
 CAMPAIGN = Path(__file__).parents[1] / "fixtures" / "campaign"
-OWN = replace(built_in(), thresholds=Thresholds())
-"""The rig of the paper without its thresholds."""
+OWN = replace(calibrated_rig(), thresholds=Thresholds())
+"""The rig of the rebuilt campaign without its thresholds."""
 
 CRANE = 0.25
 """Largest share by which thresholds of a crane log differ from the published ones: ramps differ from log to log,

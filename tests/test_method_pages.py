@@ -26,7 +26,6 @@ from winchcascade.diagnosis.judge import closure
 from winchcascade.ingest.checks import agreement, faults, lost_rows, samples, sensors
 from winchcascade.reduction import efficiency_between_runs as between_runs
 from winchcascade.reduction import efficiency_changes, energies, gap_error, phases, wave_bootstrap
-from winchcascade.reduction import uncertainty as draws
 from winchcascade.reduction.checks import at_rest, cycles, load, pairs, phased_log
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.simulate import READ, Simulation
@@ -126,12 +125,6 @@ def test_what_a_diagnosis_allows_of_model_and_rig_is_stated() -> None:
     assert all(f"{PERCENT * share:g} %" in text for share in nuisances.OF_THE_MODEL.values())
     assert f"{PERCENT * ModelAccuracy().discrepancy:g} %" in text
     assert f"{closure.DRAWS} times" in text_of("how_a_diagnosis_works", "Numbers")
-
-
-def test_the_intervals_of_a_reduction_are_drawn_as_stated() -> None:
-    text = text_of("uncertainty", "Intervals")
-    assert f"{draws.DRAWS} draws" in text
-    assert f"more than {PERCENT * draws.LINEAR_WITHIN:g} %" in text
 
 
 def test_the_allowance_of_an_audit_follows_from_the_printed_deviations() -> None:

@@ -15,8 +15,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from loops import failures
+from msgspec.structs import replace
 
 import winchcascade as wc
+from winchcascade.core.quantity import Quantity
 from winchcascade.rig.parts import with_part
 
 CAMPAIGN = Path(__file__).parent.parent / "fixtures" / "campaign"
@@ -121,6 +123,30 @@ MISUSES: dict[str, Misuse] = {
     "Run misspelt channel": (
         lambda name: wc.reduce(made(channels={"velocity": np.sin(made().t), name: made().t})), ["forse"],
     ),
+    "Run replaced": (
+        lambda fields: wc.reduce(replace(run(), **fields)),
+        [
+            {"t": run().t[::-1]}, {"t": run().t[:-5]}, {"t": run().t.astype("timedelta64[s]")}, {"t": np.arange(run().t.size)},
+            {"fs": 0.0}, {"fs": 2500.0}, {"name": 3}, {"findings": None}, {"cycles": 5}, {"gaps": "force"}, {"rig": "hsu2026"},
+        ],
+    ),
+    "Rig numbers": (
+        lambda part: replace(hsu(), **{part[0]: replace(getattr(hsu(), part[0]), **{part[1]: part[2]})}),
+        [
+            ("winch", "r_drum", 0.13), ("winch", "r_drum", Quantity(0.0, "m")), ("winch", "r_drum", Quantity("a", "m")),
+            ("drivetrain", "gear_ratio", Quantity(0.0, "1")), ("thresholds", "smoothing", 0.0),
+            ("thresholds", "v_onset", "0.03"), ("thresholds", "window", "soon"), ("thresholds", "gap_max", None),
+        ],
+    ),
+    "Rig parts": (
+        lambda part: replace(hsu(), **part),
+        [{"winch": None}, {"sensors": None}, {"sensors": {"force": 3.0}}, {"cascade": None}, {"phases": "velocity"}],
+    ),
+    "simulate": (
+        lambda of: wc.simulate(replace(run(), channels={"velocity": of[0] * run().channels["velocity"]}), step=of[1]),
+        [(1000.0, None), (1.0, 0.0), (1.0, 50.0), (1.0, 1e-9)],
+    ),
+    "reduce units": (lambda units: wc.reduce(units[0], units=units[1]), [(run(), {"force": "kN"}), (LOG, {"force": "kN"})]),
     "Run frozen": (lambda value: setattr(run(), "load", value), [3.0]),
     "Run frozen channels": (lambda value: run().channels.__setitem__("force", value), [None]),
     "reduce run": (wc.reduce, [None, 3, [LOG], "no_such.csv", frame(), frame(velocity=np.nan)]),
@@ -206,5 +232,19 @@ def test_the_arrays_that_a_run_is_made_of_stay_as_they_are() -> None:
 
 def test_a_run_goes_whole_to_another_process() -> None:
     again = pickle.loads(pickle.dumps(run()))
-    assert (again.rig.name, again.window) == ("hsu2026", 5.48)
+    assert (again.rig.name, again.window) == ("hsu2026_rebuilt", 5.48)
     assert all(np.array_equal(again.channels[name], x) for name, x in run().channels.items())
+
+
+def test_a_log_without_a_cycle_states_the_reason() -> None:
+    without = {name: x for name, x in run().channels.items() if name not in ("velocity", "displacement")}
+    never = replace(hsu(), thresholds=replace(hsu().thresholds, v_onset=5.0))
+    for found in (wc.reduce(replace(run(), channels=without)), wc.reduce(run(), rig=never)):
+        assert found.cycles == ()
+        assert "phase_source" in {finding.kind for finding in found.quality}
+
+
+def test_reduce_takes_the_units_of_a_frame() -> None:
+    table = pd.read_csv(LOG).rename(columns={"Force (N)": "force"})
+    plain, other = (wc.reduce(table, units={"force": unit}).mean.value("energy_line") for unit in ("N", "kN"))
+    assert other == pytest.approx(1000.0 * plain)

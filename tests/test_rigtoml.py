@@ -1,7 +1,9 @@
 import math
 import re
 import tomllib
+from pathlib import Path
 
+import msgspec
 import pytest
 from loops import rejections
 
@@ -48,15 +50,25 @@ def test_a_number_of_the_papers_rig_is_in_si_units_with_its_uncertainty(
         ("force", "high", 2000 * 9.80665),
         ("force", "resolution", 0.2 * 9.80665),
         ("force", "accuracy_full_scale", 0.002),
-        ("force", "u_zero", 2.0),
         ("torque", "high", 500.0),
         ("pressure", "high", 20e6),
-        ("pressure", "u_zero", 0.03 * 98066.5),
-        ("idc", "u_zero", 0.005),
+        ("pressure", "accuracy_full_scale", 0.001),
+        ("idc", "accuracy", 0.01),
     ],
 )
 def test_a_sensor_of_table_1_is_in_si_units(sensor: str, field: str, si: float) -> None:
     assert getattr(built_in("hsu2026").sensors[sensor], field) == pytest.approx(si, rel=1e-3)
+
+
+def test_the_papers_rig_states_no_calibration_in_place_and_the_rebuilt_campaign_does(fixtures: Path) -> None:
+    own = parse_rig((fixtures / "campaign" / "rig.toml").read_text(), "rig.toml")
+    for name, sensor in built_in("hsu2026").sensors.items():
+        assert (sensor.u_zero, sensor.u_gain) == (None, None)
+        calibrated = msgspec.structs.replace(own.sensors[name], u_zero=None, u_gain=None, source=sensor.source)
+        assert calibrated == sensor
+    zeros = {"pressure": 0.03 * 98066.5, "force": 2.0, "torque": 0.3, "vdc": 0.05, "idc": 0.005}
+    assert {n: s.u_zero for n, s in own.sensors.items() if s.u_zero} == pytest.approx(zeros, rel=1e-3)
+    assert own.thresholds == built_in("hsu2026").thresholds
 
 
 def test_the_papers_rig_states_every_threshold_and_its_shares_as_the_code_has_them() -> None:

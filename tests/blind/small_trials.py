@@ -59,8 +59,8 @@ def cases_by(maker: Callable[[Case, Path], None]) -> Iterator[None]:
 
 def shipped(case: Case, folder: Path) -> None:
     """Write the logs of the shipped campaign, the same for each case."""
-    for log in FIXTURES.glob("*.csv"):
-        shutil.copyfile(log, folder / log.name)
+    for file in (*FIXTURES.glob("*.csv"), FIXTURES / "rig.toml"):
+        shutil.copyfile(file, folder / file.name)
     (folder / "campaign.toml").write_text(campaign_toml(case.name))
 
 

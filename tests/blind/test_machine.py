@@ -90,7 +90,13 @@ def test_the_rig_file_of_the_papers_rig_has_the_numbers_and_uncertainties_of_the
         share = U_GAUGE if key == "restoring.p_precharge" else 1e-3
         assert (ours[key].u or 0.0) == pytest.approx(number.u or 0.0, rel=share), key
     assert own.thresholds == paper.thresholds
-    for name, sensor in paper.sensors.items():
+
+
+def test_the_rig_file_of_a_case_states_its_sensors_as_that_of_the_shipped_campaign(
+    tmp_path: Path, fixtures: Path
+) -> None:
+    own, shipped = rig_of(PAPER, tmp_path), load_rig(fixtures / "campaign" / "rig.toml")
+    for name, sensor in shipped.sensors.items():
         assert own.sensors[name].u_zero == (sensor.u_zero and pytest.approx(sensor.u_zero, rel=1e-3)), name
         assert own.sensors[name].u_gain == sensor.u_gain
         assert own.sensors[name].resolution == (sensor.resolution and pytest.approx(sensor.resolution, rel=1e-3))

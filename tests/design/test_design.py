@@ -12,11 +12,11 @@ import pytest
 from calls import call
 from hypothesis import given
 from hypothesis import strategies as st
+from rigs import calibrated_rig
 from scipy.special import ndtr
 
 from winchcascade.batch.campaign_design import motions_of
 from winchcascade.core.errors import OptionError
-from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.design.design import METRIC, Design, Limits, design, mixed
 from winchcascade.design.operating import PLACE, path_of, planned_cycle, points
@@ -215,7 +215,7 @@ def test_a_wrong_row_of_a_sea_is_rejected_with_its_line(tmp_path: Path, row: str
 
 @pytest.mark.slow
 def test_bands_hold_the_rig_that_the_logs_are_of(fitted: RigPosterior, tested: Tested) -> None:
-    stated, held = baseline(built_in()), []
+    stated, held = baseline(calibrated_rig()), []
     truth = make_effect("copper_heating", {"r_s_change": 0.4}).apply(stated)
     predicted = design(fitted, tested, loads=LOADS, speeds=[0.4, 0.8])
     for row in predicted.rows:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rigs import calibrated_rig
 
 from winchcascade.core.errors import OptionError
-from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run, Signal
 from winchcascade.design.operating import (
     PLACE,
@@ -22,7 +22,7 @@ from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.simulate import simulate
 
-RIG = built_in()
+RIG = calibrated_rig()
 MODEL = baseline(RIG)
 WORN = make_effect("line_drag", {"b": 0.9}).apply(make_effect("copper_heating", {"r_s_change": 0.4}).apply(MODEL))
 

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from calls import call
 from diagnosed import PLANTED, SUSPECTS, write_campaign
+from rigs import calibrated_rig
 
 from winchcascade.core.errors import OptionError
 from winchcascade.core.integrate import white_noise
 from winchcascade.core.quantity import Quantity
-from winchcascade.core.rig_toml import built_in
 from winchcascade.design.run_plan import Basis, RunPlan, after, before, determine, separate
 from winchcascade.diagnosis.diagnose import diagnose
 from winchcascade.diagnosis.diagnosis_result import Alternative
@@ -53,7 +53,7 @@ OF_SCALES = 0.01
 @cache
 def basis() -> Basis:
     """What is known of the rig of the paper before any run."""
-    return before(built_in(), [9.0, 27.0], [0.3, 0.6], 10.0)
+    return before(calibrated_rig(), [9.0, 27.0], [0.3, 0.6], 10.0)
 
 
 @cache

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from calls import call
 from diagnosed import PLANTED, made_logs
+from rigs import calibrated_rig
 
 from winchcascade.core.errors import OptionError
 from winchcascade.diagnosis.diagnose import diagnose
 from winchcascade.diagnosis.handover.posterior import posterior_from, posterior_record
 from winchcascade.report.results.diagnosis_record import as_json
-from winchcascade.rig.baseline import load_rig
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.run_order import RunOrder, lasting_heat, warming
 
@@ -131,5 +131,5 @@ def test_logs_without_a_current_are_diagnosed_and_recorded(idc: float | None) ->
         channels = {name: x for name, x in one.run.channels.items() if name != "idc"}
         dead = {} if idc is None else {"idc": np.full(one.run.t.size, idc)}
         runs.append(msgspec.structs.replace(one.run, channels=channels | dead))
-    found = diagnose(runs, load_rig("hsu2026"), {"line_drag": EFFECTS["line_drag"]}, title="no current", seed=1)
+    found = diagnose(runs, calibrated_rig(), {"line_drag": EFFECTS["line_drag"]}, title="no current", seed=1)
     assert len(json.loads(json.dumps(as_json(found), allow_nan=False))["posterior"]["tested"]["border"]) > 1

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+from rigs import calibrated_rig
 
-from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.ingest.read import read_run
 from winchcascade.rig.baseline import baseline
@@ -37,7 +37,7 @@ def _first_cycle(run: Run) -> Run:
 
 def campaign(effects: Mapping[str, Mapping[str, float]], seed: int = 0) -> list[Run]:
     """A campaign with some effects of the catalogue, by name and field."""
-    model = baseline(built_in())
+    model = baseline(calibrated_rig())
     for name, values in effects.items():
         model = make_effect(name, values).apply(model)
     rng = np.random.default_rng(seed)

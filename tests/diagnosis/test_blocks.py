@@ -7,10 +7,9 @@ import msgspec
 import numpy as np
 import pytest
 from openlog import FS, NOISE, made_log
-from rigs import blocks_on, course_of, scale_of
+from rigs import blocks_on, calibrated_rig, course_of, scale_of
 
 from winchcascade.core.integrate import white_noise
-from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.diagnosis.fit.block_means import BLOCK, HAUL_IN, HOLD, PAYOUT, PHASES, Blocks, changing
@@ -22,7 +21,7 @@ from winchcascade.rig.baseline import baseline
 from winchcascade.rig.line_velocity import SMOOTHING, line_velocity
 from winchcascade.rig.parts import with_part
 
-RIG = built_in()
+RIG = calibrated_rig()
 
 MIN_COVERED = 0.97
 """Samples that lie in blocks: what is left are stretches shorter than half a block, and the last sample."""

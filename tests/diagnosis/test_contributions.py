@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from planted import LOGS, campaign, driven
+from rigs import calibrated_rig
 
-from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
 from winchcascade.diagnosis.explain.contributions import (
@@ -40,7 +40,7 @@ ROUNDING = 1e-9
 @cache
 def found() -> ModelDiagnosis:
     """Three causes of different stages, which are the only suspects."""
-    return diagnose(campaign(PLANTED), built_in(), {name: EFFECTS[name] for name in PLANTED})
+    return diagnose(campaign(PLANTED), calibrated_rig(), {name: EFFECTS[name] for name in PLANTED})
 
 
 def entry(metric: str, load: float) -> Contribution:
@@ -132,11 +132,11 @@ def test_the_order_of_the_causes_changes_no_part() -> None:
 def test_the_interval_holds_what_the_planted_effect_changes(load: float) -> None:
     run = next(run for run in driven() if run.load == load)
     rest = [make_effect(name, PLANTED[name]) for name in PLANTED if name != "copper_heating"]
-    without = baseline(built_in())
+    without = baseline(calibrated_rig())
     for effect in rest:
         without = effect.apply(without)
     both = [make_effect("copper_heating", PLANTED["copper_heating"]).apply(without), without]
-    after, before = (reduce(simulate(run, model).run, rig=built_in()).mean.eta_pto for model in both)
+    after, before = (reduce(simulate(run, model).run, rig=calibrated_rig()).mean.eta_pto for model in both)
     assert after is not None
     assert before is not None
     got = part("eta_pto", load, "copper_heating")
@@ -162,7 +162,7 @@ def test_open_circuit_has_no_efficiency_of_the_machine() -> None:
 
 
 def test_measured_metrics_are_those_of_the_reduction() -> None:
-    mean = reduce(found().runs[1], rig=built_in()).mean
+    mean = reduce(found().runs[1], rig=calibrated_rig()).mean
     assert entry("eta_pto", 36.0).measured == pytest.approx(mean.eta_pto)
     assert entry("energy_line", 36.0).measured == pytest.approx(mean.energy_line)
 
@@ -181,7 +181,7 @@ def test_what_a_log_lacks_has_no_parts() -> None:
         msgspec.structs.replace(run, channels={k: x for k, x in run.channels.items() if k not in ("torque", "idc")})
         for run in campaign({"line_drag": PLANTED["line_drag"]})[1:]
     ]
-    bare = diagnose(runs, built_in(), {"line_drag": EFFECTS["line_drag"]})
+    bare = diagnose(runs, calibrated_rig(), {"line_drag": EFFECTS["line_drag"]})
     metrics = {one.metric for one in bare.contributions if one.parts}
     assert metrics == {"energy_line", "power_line", "pressure", "force", "vdc"}
     assert leading_metric(bare.contributions) is None
@@ -189,7 +189,7 @@ def test_what_a_log_lacks_has_no_parts() -> None:
 
 
 def test_without_a_cause_tolerances_and_residual_remain() -> None:
-    nothing = diagnose(campaign({}), built_in(), {"line_drag": EFFECTS["line_drag"]})
+    nothing = diagnose(campaign({}), calibrated_rig(), {"line_drag": EFFECTS["line_drag"]})
     assert nothing.causes == ()
     kinds = {tuple(p.kind for p in one.parts) for one in nothing.contributions}
     assert kinds == {("tolerances", "residual"), ()}

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from daily import daily
 from planted import LOGS, campaign
+from rigs import calibrated_rig
 
 from winchcascade.batch.campaign_diagnosis import diagnose_campaign, diagnose_listed
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import CampaignError, LogError, OptionError
-from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_numbers
 from winchcascade.diagnosis.diagnosis_result import Spot
 from winchcascade.diagnosis.fit.misfit import Fitted
@@ -34,7 +34,7 @@ PLANTED = {
 
 @cache
 def diagnosed(*names: str) -> ModelDiagnosis:
-    return diagnose(campaign({name: PLANTED[name] for name in names}), built_in(), EFFECTS)
+    return diagnose(campaign({name: PLANTED[name] for name in names}), calibrated_rig(), EFFECTS)
 
 
 DAILY = ("copper_heating", "torque_gain")
@@ -63,7 +63,7 @@ def test_the_closure_subtracts_the_noise_of_the_logs_whatever_the_model_may_devi
     for k, name in enumerate(CHANNELS):
         own = found.data.logged_noise[judged[:, k], k]
         assert found.closure.channels[name].noise == pytest.approx(np.sqrt(np.mean(own**2)))
-    rig = built_in()
+    rig = calibrated_rig()
     loose = msgspec.structs.replace(
         rig, model=msgspec.structs.replace(rig.model, discrepancy=10.0 * rig.model.discrepancy)
     )
@@ -108,7 +108,7 @@ def test_what_no_suspect_explains_is_not_given_the_nearest_name() -> None:
         )
         for run in runs
     ]
-    found = diagnose(swinging, built_in(), without)
+    found = diagnose(swinging, calibrated_rig(), without)
     assert found.verdict in ("unexplained", "partly_explained")
     assert len(found.causes) <= 2
     assert found.remainder is not None
@@ -129,7 +129,7 @@ def test_an_eccentric_drum_is_no_noise() -> None:
         )
         for run in campaign({})
     ]
-    found = diagnose(swinging, built_in(), EFFECTS)
+    found = diagnose(swinging, calibrated_rig(), EFFECTS)
     assert found.verdict == "unexplained"
     assert found.remainder is not None
     worst = found.remainder.alarms[0]
@@ -138,14 +138,14 @@ def test_an_eccentric_drum_is_no_noise() -> None:
 
 def test_the_cycles_of_the_only_load_are_left_out_in_turn() -> None:
     open_circuit, _, loaded = campaign({})
-    data = Fitted([open_circuit, loaded], built_in())
+    data = Fitted([open_circuit, loaded], calibrated_rig())
     parts = left_out(data, [1])
     assert by_cycles(data, [1])
     assert np.concatenate(parts).tolist() == list(range(data.rows[1].start, data.rows[1].stop))
     cycles = [set(data.blocks.cycle[part].tolist()) for part in parts]
     assert len(cycles) > 1
     assert not set.intersection(*cycles)
-    whole = Fitted(campaign({}), built_in())
+    whole = Fitted(campaign({}), calibrated_rig())
     assert [(int(part[0]), int(part[-1]) + 1) for part in left_out(whole, [1, 2])] == [
         (rows.start, rows.stop) for rows in whole.rows[1:]
     ]
@@ -166,24 +166,24 @@ def test_a_tether_that_moves_also_at_rest_is_noise() -> None:
         )
         for run in campaign({})
     ]
-    assert diagnose(moved, built_in(), EFFECTS).verdict == "no_gap"
+    assert diagnose(moved, calibrated_rig(), EFFECTS).verdict == "no_gap"
 
 
 def test_logs_without_a_channel_of_the_model_are_rejected_and_not_called_sound() -> None:
     bare = [msgspec.structs.replace(run, channels={"velocity": run.channels["velocity"]}) for run in campaign({})]
     with pytest.raises(LogError, match="no log that takes part has pressure, force, torque, vdc or idc"):
-        diagnose(bare, built_in(), EFFECTS)
+        diagnose(bare, calibrated_rig(), EFFECTS)
 
 
 def test_cycles_that_a_log_has_not_are_rejected() -> None:
     with pytest.raises(OptionError, match="cycles 5 to 6 were chosen, but it has 2"):
-        diagnose(campaign({}), built_in(), EFFECTS, cycles=[None, (5, 6), None])
+        diagnose(campaign({}), calibrated_rig(), EFFECTS, cycles=[None, (5, 6), None])
 
 
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_answer_to_the_digit() -> None:
     few = {name: EFFECTS[name] for name in PLANTED}
-    one, again = (diagnose(campaign({"torque_gain": PLANTED["torque_gain"]}), built_in(), few) for _ in range(2))
+    one, again = (diagnose(campaign({"torque_gain": PLANTED["torque_gain"]}), calibrated_rig(), few) for _ in range(2))
     assert one.closure is not None
     assert as_json(one) == as_json(again)
 
@@ -191,7 +191,7 @@ def test_the_same_seed_gives_the_same_answer_to_the_digit() -> None:
 def test_withheld_logs_take_no_part_in_the_choice() -> None:
     runs = campaign({"copper_heating": PLANTED["copper_heating"]})
     spoiled = msgspec.structs.replace(runs[2], channels={**runs[2].channels, "vdc": 2.0 * runs[2].channels["vdc"]})
-    found = diagnose([*runs[:2], spoiled], built_in(), EFFECTS, withheld=[2])
+    found = diagnose([*runs[:2], spoiled], calibrated_rig(), EFFECTS, withheld=[2])
     assert found.closure is None or found.closure.withheld == (2,)
     assert "voltage_gain" not in [cause.effect for cause in found.causes]
 
@@ -201,7 +201,7 @@ def test_a_copy_of_a_withheld_log_must_not_take_part_in_the_fit() -> None:
     with pytest.raises(
         CampaignError, match=r"copies: runs 1 \(.*\) and 3 \(.*\) are the same log, and run 3 is withheld"
     ):
-        diagnose(runs, built_in(), EFFECTS, title="copies", withheld=[2])
+        diagnose(runs, calibrated_rig(), EFFECTS, title="copies", withheld=[2])
 
 
 def test_loads_are_withheld_by_number() -> None:
@@ -217,7 +217,7 @@ def test_loads_are_withheld_by_number() -> None:
 
 def test_a_campaign_of_which_everything_is_withheld_is_rejected() -> None:
     with pytest.raises(CampaignError, match="every run is withheld"):
-        diagnose(campaign({}), built_in(), EFFECTS, withheld=range(len(LOGS)))
+        diagnose(campaign({}), calibrated_rig(), EFFECTS, withheld=range(len(LOGS)))
 
 
 SHARED = [

@@ -7,9 +7,8 @@ import msgspec
 import numpy as np
 import pytest
 from planted import campaign
-from rigs import suspects_on
+from rigs import calibrated_rig, suspects_on
 
-from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.fit.entries import price_of, same_in_logs
 from winchcascade.diagnosis.fit.evidence import usual_gain
@@ -22,7 +21,7 @@ from winchcascade.report.results.diagnosis import diagnosis_report
 from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.rig.effects.catalogue import EFFECTS, ENTRIES
 
-RIG = built_in()
+RIG = calibrated_rig()
 LOAD = "load_entry(r9ohm.csv)"
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from diagnosed import PLANTED, SUSPECTS, diagnosed, made_logs
+from rigs import calibrated_rig
 
 from winchcascade.diagnosis.diagnose import diagnose
 from winchcascade.diagnosis.explain.figure_data import (
@@ -22,7 +23,6 @@ from winchcascade.diagnosis.explain.figure_data import (
 )
 from winchcascade.diagnosis.fit.block_means import PAYOUT
 from winchcascade.diagnosis.fit.predict import CHANNELS
-from winchcascade.rig.baseline import load_rig
 from winchcascade.rig.effects.catalogue import EFFECTS
 
 VDC, FORCE = CHANNELS.index("vdc"), CHANNELS.index("force")
@@ -121,5 +121,5 @@ def test_what_is_said_of_the_smallest_effect_holds_in_logs(times: float, named: 
     minimum = thresholds["copper_heating"]
     assert minimum is not None
     runs = [one.run for one in made_logs({"copper_heating": {"r_s_change": times * minimum}})]
-    found = diagnose(runs, load_rig("hsu2026"), {suspect: EFFECTS[suspect] for suspect in SUSPECTS})
+    found = diagnose(runs, calibrated_rig(), {suspect: EFFECTS[suspect] for suspect in SUSPECTS})
     assert [cause.effect for cause in found.causes] == (["copper_heating"] if named else [])

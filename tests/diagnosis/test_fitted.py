@@ -6,10 +6,10 @@ import msgspec
 import numpy as np
 import pytest
 from openlog import made_log, motion_run
+from rigs import calibrated_rig
 
 from winchcascade import simulate
 from winchcascade.core.rig_file import ModelAccuracy
-from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.fit.block_means import PHASES
 from winchcascade.diagnosis.fit.fitted_log import OF_A_BLOCK, TOP
 from winchcascade.diagnosis.fit.misfit import RHO, Fitted
@@ -17,7 +17,7 @@ from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
 
-RIG = built_in()
+RIG = calibrated_rig()
 
 PART = 0.02
 """Share of a tolerance by which a difference is taken."""

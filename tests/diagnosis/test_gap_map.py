@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from daily import daily
 from openlog import made_log, motion_run
+from rigs import calibrated_rig
 
 from winchcascade.core.campaign_file import load_campaign
-from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.diagnosis_result import Place
 from winchcascade.diagnosis.explain.gap_map import (
@@ -39,22 +39,22 @@ OF_NOISE = 0.3
 U_PRESSURE = 2942.0
 """Standard uncertainty of the zero of the pressure sensor, as the built-in rig file has it. [Pa]"""
 
-SPEED = built_in().rpm_per_velocity or math.nan
+SPEED = calibrated_rig().rpm_per_velocity or math.nan
 """Generator speed over line velocity. [rpm s/m]"""
 
 
 @cache
 def log_of(k_e_change: float = 0.0) -> Fitted:
     """One log at 9 ohm, the back-EMF constant of whose rig differs."""
-    model = make_effect("ke_shift", {"k_e_change": k_e_change}).apply(baseline(built_in()))
-    return Fitted([made_log(model, seed=4, load=9.0, cycles=2)], built_in())
+    model = make_effect("ke_shift", {"k_e_change": k_e_change}).apply(baseline(calibrated_rig()))
+    return Fitted([made_log(model, seed=4, load=9.0, cycles=2)], calibrated_rig())
 
 
 def offset(data: Fitted, channel: str, by: float | np.ndarray) -> Fitted:
     """The same log with something added to a channel."""
     run = data.logs[0].run
     channels = {**run.channels, channel: run.channels[channel] + by}
-    return Fitted([msgspec.structs.replace(run, channels=channels)], built_in())
+    return Fitted([msgspec.structs.replace(run, channels=channels)], calibrated_rig())
 
 
 def mapped(data: Fitted) -> tuple[Place, ...]:
@@ -181,9 +181,9 @@ def campaign(models: dict[float, Model], seed: int) -> list[Run]:
 
 @cache
 def planted(name: str = "") -> tuple[Place, ...]:
-    model = baseline(built_in())
+    model = baseline(calibrated_rig())
     model = make_effect(name, PLANTED[name][0]).apply(model) if name else model
-    return stagewise(Fitted(campaign(dict.fromkeys(LOADS, model), 0), built_in()))
+    return stagewise(Fitted(campaign(dict.fromkeys(LOADS, model), 0), calibrated_rig()))
 
 
 @pytest.mark.parametrize("name", daily(PLANTED, ("clutch_drag", "ke_shift", "copper_heating", "gas_volume")))
@@ -201,16 +201,16 @@ def test_load_and_bridge_are_one_module_of_the_catalogue() -> None:
 @pytest.mark.parametrize("seed", daily((11, 12, 13, 14), (11,)))
 def test_a_rig_within_its_tolerances_has_no_stage_off(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    bare = Fitted([made_log(load=load, cycles=1) for load in LOADS], built_in())
+    bare = Fitted([made_log(load=load, cycles=1) for load in LOADS], calibrated_rig())
     models = bare.models(rng.standard_normal(len(bare.nuisances)), [])
-    places = stagewise(Fitted(campaign(dict(zip(LOADS, models, strict=True)), seed), built_in()))
+    places = stagewise(Fitted(campaign(dict(zip(LOADS, models, strict=True)), seed), calibrated_rig()))
     z = np.array([place.z for place in places])
     assert np.all(np.abs(z) < STANDS_OUT)
     assert np.sqrt(np.mean(z**2)) < 1.7  # one number of the rig moves many places alike
 
 
 def test_a_log_without_noise_has_no_stage_off() -> None:
-    places = stagewise(Fitted([made_log(load=load, cycles=2) for load in LOADS], built_in()))
+    places = stagewise(Fitted([made_log(load=load, cycles=2) for load in LOADS], calibrated_rig()))
     assert max(abs(place.z) for place in places) < 1.0
     assert all(place.noise > 0.0 for place in places)
 
@@ -227,14 +227,14 @@ def test_a_log_without_noise_has_no_stage_off() -> None:
 def test_a_stage_that_the_log_cannot_compare_is_left_out(missing: tuple[str, ...], left: set[str]) -> None:
     run = made_log(seed=2, load=18.0, cycles=2)
     bare = msgspec.structs.replace(run, channels={k: x for k, x in run.channels.items() if k not in missing})
-    assert {place.stage for place in stagewise(Fitted([bare], built_in()))} == left
-    assert stagewise(Fitted([motion_run(load=18.0, cycles=1)], built_in())) == ()
+    assert {place.stage for place in stagewise(Fitted([bare], calibrated_rig()))} == left
+    assert stagewise(Fitted([motion_run(load=18.0, cycles=1)], calibrated_rig())) == ()
 
 
 def test_what_another_log_reads_wrong_moves_no_place_of_this_one() -> None:
-    runs = campaign(dict.fromkeys(LOADS, baseline(built_in())), 4)
-    alone = stagewise(Fitted(runs[:1], built_in()))
-    beside = [place for place in stagewise(Fitted(runs, built_in())) if place.log == 0]
+    runs = campaign(dict.fromkeys(LOADS, baseline(calibrated_rig())), 4)
+    alone = stagewise(Fitted(runs[:1], calibrated_rig()))
+    beside = [place for place in stagewise(Fitted(runs, calibrated_rig())) if place.log == 0]
     for near, place in zip(beside, alone, strict=True):
         allowed = OF_NOISE * place.u_noise
         assert (near.u_noise, near.bias) == pytest.approx((place.u_noise, place.bias), abs=allowed)
@@ -251,5 +251,5 @@ LABELLED = {
 @pytest.mark.parametrize("case", daily(LABELLED, ("none",)))
 def test_a_labelled_campaign_is_off_where_its_effect_is(shared: Path, case: str) -> None:
     entries = load_campaign(shared / "labelled" / case / "campaign.toml").runs
-    data = Fitted([read_run(entry.file, load=entry.load) for entry in entries], built_in())
+    data = Fitted([read_run(entry.file, load=entry.load) for entry in entries], calibrated_rig())
     assert tuple(place.stage for place in arises(stagewise(data))) == LABELLED[case]

@@ -7,8 +7,8 @@ from pathlib import Path
 from types import FrameType
 
 from planted import campaign
+from rigs import calibrated_rig
 
-from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.diagnose import diagnose
 from winchcascade.rig.effects.catalogue import EFFECTS
 
@@ -37,7 +37,7 @@ def called() -> list[str]:
     threading.setprofile(watch)
     sys.setprofile(watch)
     try:
-        found = diagnose(runs, built_in(), suspects)
+        found = diagnose(runs, calibrated_rig(), suspects)
     finally:
         sys.setprofile(None)
         threading.setprofile(None)

@@ -3,9 +3,9 @@
 import msgspec
 import pytest
 from openlog import motion_run
+from rigs import calibrated_rig
 
 from winchcascade import simulate
-from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.diagnosis_result import Reported
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.rig_problem import RigProblem
@@ -15,7 +15,7 @@ from winchcascade.report.diagnosis_names import range_words
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 
-RIG = built_in()
+RIG = calibrated_rig()
 
 
 def fitted(drop: float) -> Reported:

@@ -6,10 +6,9 @@ from itertools import groupby
 import msgspec
 import pytest
 from openlog import FS, made_log
-from rigs import scales_on
+from rigs import calibrated_rig, scales_on
 
 from winchcascade.core.rig_file import Sensor
-from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.fit.nuisances import (
     OF_THE_BRIDGE,
     OF_THE_MODEL,
@@ -21,7 +20,7 @@ from winchcascade.diagnosis.fit.nuisances import (
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.parts import number_of
 
-RIG = built_in()
+RIG = calibrated_rig()
 LOG = made_log(cycles=1)
 RUNS = [msgspec.structs.replace(LOG, load=load) for load in (math.inf, 18.0, 18.0, 4.5)]
 SCALES = scales_on(RIG, RUNS)
@@ -87,9 +86,9 @@ def test_a_channel_that_is_not_logged_has_no_errors() -> None:
 def test_makers_limits_serve_where_nothing_was_calibrated_in_place() -> None:
     assert sensor_errors(None) == (0.0, 0.0)
     limits = Sensor(unit="N", high=2000.0, accuracy_full_scale=0.002, accuracy_reading=0.005)
-    assert sensor_errors(limits) == pytest.approx((0.005 / math.sqrt(3.0), 4.0 / math.sqrt(3.0)))
+    assert sensor_errors(limits) == pytest.approx((math.hypot(0.005, 0.002) / math.sqrt(3.0), 4.0 / math.sqrt(3.0)))
     below = Sensor(unit="N", low=-500.0, high=0.0, accuracy_full_scale=0.002)
-    assert sensor_errors(below) == pytest.approx((0.0, 1.0 / math.sqrt(3.0)))
+    assert sensor_errors(below) == pytest.approx((0.002 / math.sqrt(3.0), 1.0 / math.sqrt(3.0)))
     assert sensor_errors(msgspec.structs.replace(limits, u_gain=0.001)) == pytest.approx((0.001, 4.0 / math.sqrt(3.0)))
 
 

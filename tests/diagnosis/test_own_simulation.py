@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from daily import daily
 from planted import campaign, driven
+from rigs import calibrated_rig
 
 from winchcascade.batch.campaign_diagnosis import write_predictions
 from winchcascade.core.errors import LogError
-from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.explain.gap_map import STANDS_OUT
@@ -45,13 +45,13 @@ def tables(found: ModelDiagnosis) -> dict[str, Table[Any]]:
 @cache
 def diagnosed_alone() -> ModelDiagnosis:
     """The diagnosis by the model of the rig, without an own simulation."""
-    return diagnose(campaign(LINE_DRAG), built_in(), SUSPECTS)
+    return diagnose(campaign(LINE_DRAG), calibrated_rig(), SUSPECTS)
 
 
 @cache
 def diagnosed(simulator: str) -> tuple[ModelDiagnosis, ModelDiagnosis]:
     """A diagnosis by the rig's model, and the same with an own simulation as its baseline."""
-    model, rig = baseline(built_in()), built_in()
+    model, rig = baseline(calibrated_rig()), calibrated_rig()
     if simulator == "averaged":
         model = ActiveEffect(SIMPLIFICATIONS["averaged_bridge"], (1.0,)).apply(model)
     elif simulator != "same":
@@ -101,8 +101,8 @@ def test_a_simulation_leaves_a_gap_unless_it_has_the_cause_of_the_logs_with_the_
     b: float, gap: bool
 ) -> None:
     alone = diagnosed_alone()
-    runs = own(make_effect("line_drag", {"b": b}).apply(baseline(built_in())))
-    found = beside_own_simulation(alone, on_the_logs(runs, alone.runs, built_in(), [None] * len(driven())))
+    runs = own(make_effect("line_drag", {"b": b}).apply(baseline(calibrated_rig())))
+    found = beside_own_simulation(alone, on_the_logs(runs, alone.runs, calibrated_rig(), [None] * len(driven())))
     assert found.own_simulation is not None
     if gap:
         assert (found.verdict, [cause.effect for cause in found.causes]) == (alone.verdict, ["line_drag"])
@@ -164,7 +164,7 @@ INTERPOLATED = 0.003
 @pytest.fixture(scope="module")
 def simulation() -> Run:
     """A simulation of the second log of the campaign."""
-    return simulate(driven()[1], baseline(built_in())).run
+    return simulate(driven()[1], baseline(calibrated_rig())).run
 
 
 def moved(run: Run, t: Signal, *, late: float = 0.0) -> Run:

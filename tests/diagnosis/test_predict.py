@@ -6,17 +6,16 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from rigs import course_of
+from rigs import calibrated_rig, course_of
 
 from winchcascade import read_run, simulate
-from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.fit.predict import CHANNELS, MAX_KEPT, Course
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import Constants, constants
 from winchcascade.rig.parts import PARTS, number_of, numbers_of, with_part
 
-RIG = built_in()
+RIG = calibrated_rig()
 MODEL = baseline(RIG)
 
 OF_THE_LINE = {

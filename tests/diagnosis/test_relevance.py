@@ -5,9 +5,9 @@ import math
 import msgspec
 import pytest
 from openlog import motion_run
+from rigs import calibrated_rig
 
 from winchcascade import simulate
-from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
 from winchcascade.diagnosis.explain.contributions import without
@@ -16,7 +16,7 @@ from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 
-RIG = built_in()
+RIG = calibrated_rig()
 
 
 def diagnosed(share: float) -> ModelDiagnosis:

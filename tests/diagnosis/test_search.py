@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from planted import campaign
+from rigs import calibrated_rig
 from scipy.integrate import quad
 from scipy.sparse import csr_array
 
-from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnose import diagnose, judged
 from winchcascade.diagnosis.fit.covariance import square_beyond
@@ -139,7 +139,7 @@ GEAR, IMITATION = "gear_mesh_loss", ("line_drag", "rotor_friction")
 @cache
 def gear_loss() -> tuple[Fitted, Found]:
     """A search among a loss of the gear and what imitates it, led by the imitation."""
-    data = Fitted(campaign({GEAR: {"efficiency_change": -0.1}}), built_in())
+    data = Fitted(campaign({GEAR: {"efficiency_change": -0.1}}), calibrated_rig())
     found = search(RigProblem(data, {name: EFFECTS[name] for name in (GEAR, *IMITATION)}))
     assert found.best.names == (GEAR,)
     found.about(found.fit(IMITATION))
@@ -170,7 +170,7 @@ def test_a_log_is_held_out_as_a_fit_without_it_does() -> None:
 
 
 def test_no_verdict_is_explained_with_a_cause_that_is_likely_another() -> None:
-    found = diagnose(campaign({"copper_heating": {"r_s_change": 0.35}}), built_in(), EFFECTS)
+    found = diagnose(campaign({"copper_heating": {"r_s_change": 0.35}}), calibrated_rig(), EFFECTS)
     assert found.verdict == "explained"
     causes = tuple(msgspec.structs.replace(one, probability=0.3) for one in found.causes)
     doubted = judged(msgspec.structs.replace(found, causes=causes), lambda _: None)

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import example, given, settings
 from openlog import estimated_rig, made_log
 from own_rigs import own_campaign, own_rig
+from rigs import calibrated_rig
 from units_of_nature import BENCH, CHANNELS, EXACTLY, NUMBERS, Nature, factor_of, natures, rig_in, run_in
 
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.design.design import Design, design
 from winchcascade.design.operating import QUANTITIES
@@ -38,7 +38,7 @@ LOADS, SPEEDS, LENGTH = (9.0, 27.0), (0.3, 0.6), 10.0
 def logs_of(kind: str) -> tuple[Rig, list[Run]]:
     """A rig of a kind of restoring module, with noisy logs of a cycle each."""
     if kind == "gas_screw":
-        return built_in(), [made_log(seed=k, cycles=1, load=load) for k, load in enumerate((np.inf, 18.0, 4.5))]
+        return calibrated_rig(), [made_log(seed=k, cycles=1, load=load) for k, load in enumerate((np.inf, 18.0, 4.5))]
     return own_rig(kind), own_campaign(kind, "geared", {})
 
 
@@ -161,7 +161,7 @@ UNIT_OF = {
 @cache
 def designed(nature: Nature) -> Design:
     """A design of a rig of two uncertain numbers and two effects."""
-    speed, model = nature.length / nature.time, baseline(rig_in(nature, built_in()))
+    speed, model = nature.length / nature.time, baseline(rig_in(nature, calibrated_rig()))
     numbers = tuple(Parameter(name, path=f"generator.{name}", operation="scale") for name in ("r_s", "k_e"))
     drag = 0.9 * nature.of(NUMBERS["winch.drag"])
     effects = make_effect("copper_heating", {"r_s_change": 0.4}), make_effect("line_drag", {"b": drag})
@@ -193,7 +193,7 @@ def test_a_planned_run_is_the_same_motion(nature: Nature) -> None:
 @example(BENCH)
 @given(natures())
 def test_a_plan_before_a_campaign_makes_the_same_runs(nature: Nature) -> None:
-    speed, rig = nature.length / nature.time, built_in()
+    speed, rig = nature.length / nature.time, calibrated_rig()
     loads, speeds = [x * nature.ohm for x in LOADS], [x * speed for x in SPEEDS]
     one = separate(before(rig, LOADS, SPEEDS, LENGTH), PAIR, EFFECTS, 2)
     other = separate(before(rig_in(nature, rig), loads, speeds, LENGTH * nature.length), PAIR, EFFECTS, 2)

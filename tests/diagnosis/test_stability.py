@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 import pytest
 from planted import driven, logged
+from rigs import calibrated_rig
 
-from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.diagnosis_result import Stability
 from winchcascade.diagnosis.fit.fit_set import fit_set
 from winchcascade.diagnosis.fit.misfit import Fitted
@@ -35,9 +35,9 @@ def campaign(changes: Sequence[float], seed: int = 0) -> Fitted:
     by_load = {run.load: run for run in driven()}
     rng, made = np.random.default_rng(seed), []
     for load, change in zip((math.inf, 36.0, 9.0, 36.0, 9.0), (changes[0], *changes), strict=True):
-        model = make_effect(COPPER, {"r_s_change": change}).apply(baseline(built_in()))
+        model = make_effect(COPPER, {"r_s_change": change}).apply(baseline(calibrated_rig()))
         made.append(logged(simulate(by_load[load], model).run, rng))
-    return Fitted(made, built_in())
+    return Fitted(made, calibrated_rig())
 
 
 @cache
@@ -118,7 +118,7 @@ def test_two_runs_have_no_trend() -> None:
 
 def test_a_withheld_run_gives_no_number() -> None:
     runs = [log.run for log in searched(STEADY)[0].logs]
-    data = Fitted(runs, built_in(), withheld=[2])
+    data = Fitted(runs, calibrated_rig(), withheld=[2])
     found = stabilities(data, search(RigProblem(data, {COPPER: EFFECTS[COPPER]})))[COPPER]
     assert [one.withheld for one in found.runs] == [False, False, True, False, False]
     assert msgspec.structs.astuple(found.runs[2])[1:4] == pytest.approx((math.nan,) * 3, nan_ok=True)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from calls import call
 from diagnosed import LOGS, PLANTED, diagnosed, made_logs
+from rigs import calibrated_rig
 
-from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.explain.contributions import INPUTS, covariance_without, joint_covariance
@@ -17,7 +17,7 @@ from winchcascade.diagnosis.explain.windowed import QUANTITIES, quantities_of, w
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.report.results.diagnosis_record import as_json
-from winchcascade.rig.baseline import baseline, load_rig
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.parts import Model
 from winchcascade.rig.simulate import simulate
@@ -58,7 +58,7 @@ def test_every_metric_of_every_run_is_validated_by_its_definitions(name: str) ->
 @every_campaign
 def test_the_interval_before_holds_the_known_error_of_the_model(name: str) -> None:
     """With nothing injected that is 0."""
-    found, stated = diagnosed(name), baseline(built_in())
+    found, stated = diagnosed(name), baseline(calibrated_rig())
     truth = stated
     for effect, fields in PLANTED[name].items():
         truth = make_effect(effect, fields).apply(truth)
@@ -83,7 +83,7 @@ def test_the_corrected_model_has_no_error_that_its_interval_excludes(name: str) 
 def misread() -> ModelDiagnosis:
     """A rig without a gap, read by a torque sensor with a gain."""
     runs = [one.run for one in made_logs({"torque_gain": {"gain_error": GAIN}})]
-    return diagnose(runs, load_rig("hsu2026"), {name: EFFECTS[name] for name in ("torque_gain", "line_drag")})
+    return diagnose(runs, calibrated_rig(), {name: EFFECTS[name] for name in ("torque_gain", "line_drag")})
 
 
 GAIN = 0.06
@@ -92,7 +92,7 @@ GAIN = 0.06
 def test_an_error_of_a_sensor_belongs_to_the_data_and_not_to_the_model(misread: ModelDiagnosis) -> None:
     assert [one.effect for one in misread.causes] == ["torque_gain"]
     for one in misread.validation:
-        true = float(true_metrics(misread, one.log, baseline(built_in()))[QUANTITIES.index(one.quantity)])
+        true = float(true_metrics(misread, one.log, baseline(calibrated_rig()))[QUANTITIES.index(one.quantity)])
         assert abs(one.measured - true) < 3.0 * one.u_d, one.quantity
         assert one.before.low < 0.0 < one.before.high, one.quantity
         assert one.after is not None
@@ -137,7 +137,7 @@ def test_a_fit_without_the_logs_of_a_load_knows_less(name: str) -> None:
 
 def test_cycles_of_the_only_load_are_not_held_out_as_a_load() -> None:
     runs = [one.run for one in made_logs(PLANTED["copper"])[:1]]
-    found = diagnose(runs, load_rig("hsu2026"), {"copper_heating": EFFECTS["copper_heating"]}, title="one", seed=1)
+    found = diagnose(runs, calibrated_rig(), {"copper_heating": EFFECTS["copper_heating"]}, title="one", seed=1)
     assert {one.held_out for one in found.validation} == {False}
     assert [one.effect for one in found.causes] == ["copper_heating"]
 

@@ -2,10 +2,9 @@
 
 import msgspec
 import numpy as np
-from rigs import suspects_on
+from rigs import calibrated_rig, suspects_on
 from scipy.ndimage import gaussian_filter1d
 
-from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.fit.fit_set import fit_set
 from winchcascade.diagnosis.fit.misfit import Fitted
@@ -48,7 +47,7 @@ def slow_log(seed: int, of_velocity: float = NOISE["velocity"]) -> Run:
 
 def found_inertia(run: Run) -> float:
     """Relative change of the rotor's inertia by the best fit. [1]"""
-    rig = built_in()
+    rig = calibrated_rig()
     problem = RigProblem(Fitted([run], rig), suspects_on(rig, [run]))
     marginal = marginal_about(problem, [], np.zeros(problem.nuisances))
     return float(fit_set(problem, marginal, ("rotor_inertia",)).x[0])

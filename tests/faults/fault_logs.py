@@ -165,7 +165,7 @@ def truth(log: Log) -> Result:
 def rig_of(text: str) -> winchcascade.Rig:
     """The rig of a rig file's text; that of the paper for none."""
     if not text:
-        return load_rig("hsu2026")
+        return load_rig(CAMPAIGN / "rig.toml")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rig.toml"
         path.write_text(text, encoding="utf-8")

@@ -206,7 +206,7 @@ def campaign(folder: Path, runs: dict[str, tuple[str, float]]) -> Path:
     for name, (text, load) in runs.items():
         (place / name).write_text(text, encoding="utf-8")
         entries.append(f'[[run]]\nfile = "{name}"\nload_ohm = {load}\nwindow_s = 5.48\n')
-    (place / "campaign.toml").write_text("\n".join(['rig = "hsu2026"', *entries]), encoding="utf-8")
+    (place / "campaign.toml").write_text("\n".join([f'rig = "{CAMPAIGN / "rig.toml"}"', *entries]), encoding="utf-8")
     return place
 
 

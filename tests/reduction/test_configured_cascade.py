@@ -10,7 +10,7 @@ import pytest
 
 from winchcascade.core.cascade import PAPER
 from winchcascade.core.errors import RigError
-from winchcascade.core.rig_toml import parse_rig
+from winchcascade.core.rig_toml import built_in, built_in_text, parse_rig
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
@@ -24,8 +24,8 @@ from winchcascade.report.results.drawn_reduction import drawn_report
 from winchcascade.report.results.reduction import reduction_report
 
 LOG = Path("fixtures/campaign/r36ohm.csv")
-PLAIN = reduce(read_run(LOG), window=5.48)
-HSU = Path("winchcascade/rigfiles/hsu2026.toml").read_text()
+PLAIN = reduce(read_run(LOG, rig=built_in()), window=5.48)
+HSU = built_in_text("hsu2026")
 
 
 def stages(*names: str, more: str = "") -> Reduction:
@@ -88,7 +88,6 @@ def test_the_json_splits_the_uncertainty_of_configured_stages_too() -> None:
         assert own[part]["eta_line_ours"] == pytest.approx(plain[part]["eta_pto"])
     squares = sum((row["contribution"]["eta_line_ours"] or 0.0) ** 2 for row in own["budget"])
     assert squares**0.5 == pytest.approx(own["sensors"]["eta_line_ours"])
-    assert own["stated"]["energy_ours_j"] == "gum"
 
 
 def test_a_power_may_be_counted_the_other_way_in_a_log() -> None:
@@ -146,7 +145,7 @@ def test_a_power_is_a_sum_of_products_of_channels_and_constants(power: str, watt
     [
         *(
             f'[stage.hyd]\npower = "{power}"\n'
-            for power in ("", "2", "vdc idc", "vdc * * idc", "(vdc * idc)", "1e999 * vdc")
+            for power in ("", "2", "vdc * * idc", "vdc / (vdc + idc)", "1e999 * vdc")
         ),
         *(f'[stage.hyd]\npower = "{power}"\n' for power in ("0 * vdc", "3 * displacement", "vdc +", "vdc * force")),
         *(

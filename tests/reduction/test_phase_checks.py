@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from msgspec.structs import replace
+from rigs import calibrated_rig
 from synthetic import Scenario, make_log, write_csv
 
 from winchcascade import Reduction, Run, read_run, reduce
 from winchcascade.core.errors import OptionError
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Finding
 from winchcascade.reduction.checks.sampling import update_interval
 from winchcascade.reduction.uncertainty import SAMPLING, uncertainty
@@ -33,7 +33,7 @@ Maker = Callable[[Run], dict[str, Signal]]
 
 @cache
 def clean(name: str = "r45ohm") -> Run:
-    return read_run(CAMPAIGN / f"{name}.csv", rig=built_in(), load=LOGS[name][0])
+    return read_run(CAMPAIGN / f"{name}.csv", rig=calibrated_rig(), load=LOGS[name][0])
 
 
 def changed(run: Run, **channels: Signal) -> Run:
@@ -127,7 +127,7 @@ def test_less_than_physics_accuracy_and_noise_allow_is_no_fault(maker: Maker) ->
 def test_the_measured_load_is_that_of_the_log_and_questions_a_stated_one_from_five_standard_uncertainties(
     name: str, load: float
 ) -> None:
-    rig = built_in()
+    rig = calibrated_rig()
     without_bleed = replace(rig, dc_link=replace(rig.dc_link, r_bleed=None))
     measured = reduce(clean(name)).measured_load
     assert measured is not None

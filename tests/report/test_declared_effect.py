@@ -4,13 +4,13 @@ import re
 
 import pytest
 from diagnosed import SUSPECTS, made_logs
+from rigs import calibrated_rig
 
 from winchcascade.diagnosis.diagnose import diagnose
 from winchcascade.report.content import Measured
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.diagnosis_parts import causes_table
 from winchcascade.report.results.effects import effects_report
-from winchcascade.rig.baseline import load_rig
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Display, Effect, Parameter
 
@@ -35,7 +35,7 @@ def test_an_effect_that_is_only_declared_is_described_diagnosed_and_reported(mon
     )
     assert terminal_text(effects_report("pressure_zero")).startswith("pressure_zero (sensor): Zero error")
     runs = [one.run for one in made_logs({"pressure_zero": {"offset": 40e3}})]
-    found = diagnose(runs, load_rig("hsu2026"), {name: EFFECTS[name] for name in (*SUSPECTS, "pressure_zero")})
+    found = diagnose(runs, calibrated_rig(), {name: EFFECTS[name] for name in (*SUSPECTS, "pressure_zero")})
     (cause,) = found.causes
     assert cause.effect == "pressure_zero"
     assert cause.parameters["offset"].low < 40e3 < cause.parameters["offset"].high

@@ -41,8 +41,7 @@ def test_the_json_states_the_uncertainty_of_every_mean(record: dict[str, Any]) -
         assert low < record["mean"][field] < high
         assert 0 < record["standard_uncertainty"][field] < high - low
     made = record["uncertainty"]
-    assert (made["seed"], made["draws"]) == (20260, 8191)
-    assert set(made["stated"].values()) == {"gum"}
+    assert {"seed", "draws", "stated", "monte_carlo"}.isdisjoint(made)
     for field in NINE:
         shares = [row["share"][field] or 0.0 for row in made["budget"]]
         scatter = (made["repeatability"][field] / record["standard_uncertainty"][field]) ** 2
@@ -77,4 +76,6 @@ def test_parquet_of_a_log_without_cycles_keeps_its_columns(tmp_path: Path) -> No
     cycles, _, findings = write_parquet(reduce(read_run(path)), tmp_path / "tables")
     assert pq.read_table(cycles).num_rows == 0
     assert "eta_pto" in pq.read_table(cycles).column_names
-    assert pq.read_table(findings).num_rows == 5  # the rig is assumed; pressure, torque, Vdc and Idc are missing
+    assert (
+        pq.read_table(findings).num_rows == 6
+    )  # the rig is assumed; no payout; pressure, torque, Vdc and Idc are missing

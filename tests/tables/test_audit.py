@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from pathlib import Path
@@ -20,6 +21,7 @@ from winchcascade.tables.audit import Audit
 from winchcascade.tables.claims import ClaimVerdict
 from winchcascade.tables.feasible import allowed, is_feasible, mean_of_products, repeatability
 from winchcascade.tables.published_table import PublishedTable, Span, TableRow
+from winchcascade.tables.row_order import exchanged_rows
 from winchcascade.tables.table_file import load_table, parse_table
 
 HSU = load_table("hsu2026-table2")
@@ -301,3 +303,26 @@ def test_a_table_of_which_nothing_was_evaluated_is_not_consistent(
     record = json.loads(called.out)
     assert (called.code, record["ok"], record["evaluated"]) == (0 if ok else 1, ok, ok)
     assert {use["law"] for use in record["laws"] if use["rows_evaluated"]} == laws
+
+
+def test_two_rows_that_are_exchanged_are_found_and_no_table_with_scatter_is_accused() -> None:
+    table = load_table("hsu2026-table2")
+    known = repeatability(table)
+    assert exchanged_rows(table, known) is None
+    for one, other in itertools.combinations(range(len(table.rows)), 2):
+        rows = list(table.rows)
+        rows[one], rows[other] = (
+            replace(here, cells={**there.cells, "load_ohm": here.cells["load_ohm"]})
+            for here, there in ((rows[one], rows[other]), (rows[other], rows[one]))
+        )
+        (fault,) = (f for f in audit(replace(table, rows=tuple(rows))).faults if f.kind == "rows")
+        assert set(fault.columns) == {rows[one].name, rows[other].name}
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        rows = [
+            replace(
+                row, cells={m: replace(c, value=c.value * (1.0 + rng.normal(0.0, 0.007))) for m, c in row.cells.items()}
+            )
+            for row in table.rows
+        ]
+        assert exchanged_rows(replace(table, rows=tuple(rows)), known) is None

@@ -177,3 +177,30 @@ def test_a_divisor_that_may_be_zero_allows_any_value() -> None:
     found = audited([{"test": 1, "a": 2.0, "b": 0.0, "d": 1e9}, {"test": 2, "a": 2.0, "b": 4.0, "d": 9.0}], columns)
     assert [item.row.number for item in found.contradictions] == [2]
     assert uses(found)["d"] == ("evaluated", 2, ())
+
+
+def test_capture_width_power_coefficient_and_tip_speed_ratio_have_laws_of_their_own() -> None:
+    columns = """[columns]
+test = { unit = "1" }
+speed = { unit = "rpm", digits = 4 }
+power = { unit = "kW", digits = 4 }
+wave_power = { unit = "kW/m", digits = 4 }
+width = { unit = "m" }
+density = { unit = "kg/m3" }
+area = { unit = "m2", digits = 4 }
+radius = { unit = "m" }
+flow_speed = { unit = "m/s", digits = 4 }
+capture_width = { unit = "m", digits = 3 }
+capture_width_ratio = { digits = 3 }
+cp = { digits = 3 }
+tsr = { digits = 3 }
+drag = { unit = "kg/m", is = "0.5 density area / width", digits = 4 }
+"""
+    right = {
+        "test": 1, "speed": 20.0, "power": 15.0, "wave_power": 5.0, "width": 6.0, "density": 1025, "area": 12.57, "radius": 2.0,
+        "flow_speed": 2.0, "capture_width": 3.0, "capture_width_ratio": 0.5, "cp": 0.291, "tsr": 2.09, "drag": 1074.0,
+    }  # fmt: skip
+    assert audited([right], columns).contradictions == ()
+    for name in ("capture_width", "capture_width_ratio", "cp", "tsr", "drag"):
+        found = audited([right | {name: 1.05 * right[name]}], columns).contradictions
+        assert name in {cell for item in found for cell in item.cells}, name

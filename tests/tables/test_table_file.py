@@ -145,7 +145,7 @@ title = "A";source = "B";row = [];[columns];load_ohm = { unit = "mohm", decimals
 title = "A";source = "B";key = "x";point = [];[columns];p = { } @ key x p
 title = "A";source = "B";point = [];[columns];speed = { unit = "V" } @ [columns] speed 'V' rotation rad/s
 title = "A";source = "B";point = [];[columns];p = { is = "q * p" } @ [columns] p q
-title = "A";source = "B";point = [];[columns];p = { is = "p ^ 2" } @ [columns] p ^
+title = "A";source = "B";point = [];[columns];p = { is = "p ^ p" } @ [columns] p ^
 title = "A";source = "B";csv = "no.csv";[columns];p = { } @ no.csv csv
 """
 """Files that cannot be used, and words of the sentence."""

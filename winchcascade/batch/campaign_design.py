@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 SEA = ("speed_mps", "cycles_per_year")
 """Columns of a table of payout speeds."""
 
+LONGEST_HEAD = 200
+"""Length of the longest first line of such a table. [characters]"""
+
 Sea = list[tuple[float, float]]
 """Speeds of payouts [m/s], each with its number in a year."""
 
@@ -91,11 +94,15 @@ def motions_of(path: Path | None) -> tuple[Motion | None, Sea]:
 
 def _sea(path: Path) -> Sea:
     """Speeds of a table; empty where the file is none."""
-    try:
-        head, *lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, ValueError):  # a log, of any format
+    if not path.is_file():  # a device may have no end
         return []
-    if tuple(cell.strip() for cell in head.split(",")) != SEA:
+    try:
+        with path.open(encoding="utf-8-sig") as file:
+            head = file.readline(LONGEST_HEAD)
+            if tuple(cell.strip() for cell in head.split(",")) != SEA:
+                return []
+            lines = file.read().splitlines()
+    except (OSError, ValueError):  # a log, of any format
         return []
     found = []
     for number, line in enumerate(lines, 2):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from os.path import isfile, relpath
+from os.path import isfile, lexists, relpath  # lexists: a link that leads nowhere is there, too
 from pathlib import Path
 
 import msgspec
@@ -92,9 +92,9 @@ def _logs(folder: Path, rig: Rig) -> tuple[list[LogFacts], dict[str, str]]:
 
 def write_drafts(drafts: Drafts, folder: Path) -> list[Path]:
     """Write the drafts, never over a file: OutputError where there is none to write, or where the folder cannot be written."""
-    new = {folder / name: text for name, text in drafts.texts.items() if not (folder / name).exists()}
+    new = {folder / name: text for name, text in drafts.texts.items() if not lexists(folder / name)}
     if not new:
-        there = first_of([name for name in (CAMPAIGN_FILE, RIG_FILE) if (folder / name).exists()], NAMED_MAX)
+        there = first_of([name for name in (CAMPAIGN_FILE, RIG_FILE) if lexists(folder / name)], NAMED_MAX)
         raise OutputError(f"{folder}: holds {there}, which init never replaces; rename it to draft another.")
     for path, text in new.items():
         write_content(path, text)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping
-from importlib.resources import files
 from itertools import cycle
 from pathlib import Path
 
@@ -21,7 +19,6 @@ from winchcascade.blind.simulators import simulated_log
 from winchcascade.blind.truth import Truth, truth_by_effects
 from winchcascade.blind.twin import FIXED, Twin, draw_motion, draw_twin, read_log, solve_twin
 from winchcascade.blind.twin_numbers import CRANE_LOGGER, LOAD_SCATTER, LOADS, SCATTER, Logger, Numbers
-from winchcascade.core.rig_toml import DEFAULT_RIG
 from winchcascade.core.run import Signal
 
 BLIND = "blind"
@@ -194,17 +191,15 @@ HEADERS = {
 FILES = dict(zip(LOADS, ("open_circuit", *(f"load_{letter}" for letter in "abcdef")), strict=True))
 """Names of the logs of a rig whose loads are others than the paper's."""
 
-PLAIN = "plain.toml"
-"""The campaign with the built-in rig file, of a case whose rig file is calibrated."""
+PLAIN, CALIBRATED = "plain.toml", "calibrated.toml"
+"""Of a case whose rig file is calibrated: the campaign with the rig file as it was before, and the calibrated file."""
 
 SIMULATED = "simulated"
 """Folder of the owner's own simulation."""
 
 
 def write_campaign(case: Case, folder: Path) -> None:
-    """Write the logs of a case, its campaign.toml, and its rig file where that is not the built-in one; the same case gives the
-    same bytes every time.
-    """
+    """Write the logs of a case, its campaign.toml and its rig file; the same case gives the same bytes every time."""
     _, twin, rng = draw(case)
     stated, entry, machine = stated_loads(case.machine), case.entry, case.machine
     if entry is not None and entry.log is not None:
@@ -223,12 +218,13 @@ def write_campaign(case: Case, folder: Path) -> None:
             write_log(folder / SIMULATED / f"{name}.csv", simulated_log(case.simulator, log, x, v))
         loads[name] = stated[log]
     title = case.name if case.family == BLIND else f"{case.family} {case.number}"
-    rig = _rig_file(case, folder)
-    if rig is not None:
-        (folder / "rig.toml").write_bytes(rig.encode())
+    rig = "rig.toml"
+    (folder / rig).write_bytes(_rig_file(case).encode())
     if case.calibrated:
-        (folder / PLAIN).write_bytes(campaign_toml(title, loads).encode())
-    text = campaign_toml(title, loads, DEFAULT_RIG if rig is None else "rig.toml", simulated=case.simulator is not None)
+        (folder / PLAIN).write_bytes(campaign_toml(title, loads, rig).encode())
+        rig = CALIBRATED
+        (folder / rig).write_bytes(_calibrated(folder).encode())
+    text = campaign_toml(title, loads, rig, simulated=case.simulator is not None)
     (folder / "campaign.toml").write_bytes(text.encode())
 
 
@@ -256,7 +252,7 @@ def write_log(path: Path, columns: Mapping[str, Signal]) -> None:
 
 
 def campaign_toml(
-    title: str, loads: Mapping[str, float] = STATED_LOADS, rig: str = DEFAULT_RIG, *, simulated: bool = False
+    title: str, loads: Mapping[str, float] = STATED_LOADS, rig: str = "rig.toml", *, simulated: bool = False
 ) -> str:
     """Make the campaign.toml of a case.
 
@@ -272,28 +268,24 @@ def campaign_toml(
     return "\n".join(lines) + "\n"
 
 
-def _rig_file(case: Case, folder: Path) -> str | None:
-    """The rig file of a campaign whose logs are written, None for the built-in one."""
-    if case.calibrated:
-        from winchcascade.diagnosis.handover.calibrate import calibrate
-        from winchcascade.diagnosis.handover.rig_text import calibrated_text
-        from winchcascade.ingest.read import read_run
-        from winchcascade.rig.baseline import load_rig
-
-        return calibrated_text(calibrate(read_run(folder / "open_circuit.csv", load=math.inf), load_rig(DEFAULT_RIG)))
+def _rig_file(case: Case) -> str:
+    """The rig file of a campaign: sensors known as the twin draws their errors, and the wrong entries of the case."""
     shares = {name: getattr(SCATTER, name) / getattr(NOMINAL, name) for name in case.bias}
     factors = {"mu_screw" if name == "mu" else name: 1.0 + by * shares[name] for name, by in case.bias.items()}
     if case.entry is not None and case.entry.log is None:
         factors[case.entry.key] = case.entry.factor
-    if case.machine != PAPER:
-        return machine_toml(case.machine, f"{case.family} {case.number}", factors)
-    text = files("winchcascade").joinpath("rigfiles", f"{DEFAULT_RIG}.toml").read_text(encoding="utf-8")
-    for key, factor in factors.items():
-        found = re.search(rf"(?m)^{key} = {{ value = ([0-9.e+-]+)", text)
-        if found is None:
-            raise ValueError(f"rig file {DEFAULT_RIG}: expected an entry {key}")
-        text = f"{text[: found.start(1)]}{float(found[1]) * factor:.6g}{text[found.end(1) :]}"
-    return text if factors else None
+    return machine_toml(case.machine, f"{case.family} {case.number}", factors)
+
+
+def _calibrated(folder: Path) -> str:
+    """The rig file of a campaign, calibrated by the open circuit that is written there."""
+    from winchcascade.diagnosis.handover.calibrate import calibrate
+    from winchcascade.diagnosis.handover.rig_text import calibrated_text
+    from winchcascade.ingest.read import read_run
+    from winchcascade.rig.baseline import load_rig
+
+    run = read_run(folder / "open_circuit.csv", load=math.inf)
+    return calibrated_text(calibrate(run, load_rig(folder / "rig.toml")))
 
 
 EFFECT_OF = {

@@ -45,22 +45,21 @@ def design_command(
     one_thread_each()
     from winchcascade.batch.campaign_design import corrected_by, motions_of
     from winchcascade.core.files import write_content
-    from winchcascade.design.design import Limits, design
+    from winchcascade.design.design import Limits, check_options, design
     from winchcascade.report.results.design_report import design_record, design_report, schedule_csv
     from winchcascade.report.screen import status_line
 
     outputs.check([source, motion, rig])
     set_threads(threads or processes())
+    at_loads, at_speeds = numbers("--loads", loads), numbers("--speeds", speeds)
     limits = Limits(*(math.inf if limit is None else limit for limit in (current_limit, speed_limit, tension_limit)))
+    check_options(at_loads, at_speeds, limits)
     cycle, sea = motions_of(motion)
     with status_line(f"designing with {source.name}") as on_progress:
         posterior, tested = corrected_by(source, rig, on_progress)
         tested.judgement.check(f"{source}", force=outputs.force)
         on_progress("predicting other loads and speeds")
-        found = design(
-            posterior, tested, motion=cycle, sea=sea, loads=numbers("--loads", loads),
-            speeds=numbers("--speeds", speeds), limits=limits,
-        )  # fmt: skip
+        found = design(posterior, tested, motion=cycle, sea=sea, loads=at_loads, speeds=at_speeds, limits=limits)
     if outputs["csv"] is not None:
         write_content(outputs["csv"], schedule_csv(found), force=outputs.force)
     present(
@@ -72,11 +71,14 @@ def design_command(
 
 
 def numbers(flag: str, text: str | None) -> Sequence[float]:
-    """Numbers of an option that are separated by commas; OptionError for what is no number."""
+    """Numbers of an option that are separated by commas; OptionError, before long work begins, for one that is not above 0."""
     try:
-        return [float(number) for number in text.split(",")] if text else []
+        found = [float(number) for number in text.split(",")] if text is not None else []
     except ValueError:
-        raise OptionError(f"{flag} {text}: expected numbers separated by commas, such as 9,18,36.") from None
+        found = [math.nan]
+    if not all(number > 0.0 for number in found):
+        raise OptionError(f"{flag} {text}: expected numbers above 0 separated by commas, such as 9,18,36.")
+    return found
 
 
 @with_options(
@@ -108,16 +110,19 @@ def plan_command(
     """
     one_thread_each()
     from winchcascade.batch.campaign_design import planned_from
+    from winchcascade.design.operating import require_positive
     from winchcascade.report.results.plan_report import plan_record, plan_report
     from winchcascade.report.screen import status_line
 
     outputs.check([source, rig])
     set_threads(threads or processes())
     wanted = named_number(uncertainty) if uncertainty else None
+    at_loads, at_speeds = numbers("--loads", loads), numbers("--speeds", speeds)
+    require_positive("--speeds", at_speeds)
     with status_line(f"planning for {source.name}") as on_progress:
         found = planned_from(
-            source, rig, separate=separate, uncertainty=wanted, most=runs, loads=numbers("--loads", loads),
-            speeds=numbers("--speeds", speeds), length=length, on_progress=on_progress,
+            source, rig, separate=separate, uncertainty=wanted, most=runs, loads=at_loads, speeds=at_speeds, length=length,
+            on_progress=on_progress,
         )  # fmt: skip
     present(
         lambda: plan_report(found, command=given_command()), outputs, record=lambda: plan_record(found), name="plan"

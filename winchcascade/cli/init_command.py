@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from os.path import lexists
 from pathlib import Path
 from shlex import quote
 
@@ -25,7 +26,7 @@ def init_command(folder: Path, rig: str | None = None, write: bool = False) -> N
     drafts = draft_folder(folder, rig)
     written = write_drafts(drafts, folder) if write else []
     for name, text in drafts.texts.items():
-        kept = "draft; the file that is there is kept" if (folder / name).exists() else "draft"
+        kept = "draft; the file that is there is kept" if lexists(folder / name) else "draft"
         state = "written" if folder / name in written else kept
         show(f"# ---- {folder / name} ({state})\n{text}\n")
     for name, reason in drafts.skipped.items():

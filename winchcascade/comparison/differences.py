@@ -21,17 +21,10 @@ from collections.abc import Mapping, Sequence
 import msgspec
 
 from winchcascade.comparison.compared_run import ComparedRun, scatter_of
-from winchcascade.core.accuracy import student
+from winchcascade.core.accuracy import Interval, Scatter, effective_freedom, interval_95
 
 SAME = 1e-6
 """Relative difference up to which two standard uncertainties of a gain are the same number. [1]"""
-
-
-class Scatter(msgspec.Struct, frozen=True):
-    """A part of type A: its standard uncertainty and degrees of freedom."""
-
-    u: float
-    freedom: float
 
 
 WRITTEN = {
@@ -102,7 +95,11 @@ def difference(
     value = second.mean - first.mean
     repeatability = math.hypot(*(part.u for part in scatters)) if scatters else None
     combined = None if sensors is None else math.hypot(sensors, repeatability or 0.0)
-    interval = None if combined is None else _interval(value, scatters, combined)
+
+    def interval_of(u: float) -> Interval:
+        return interval_95(value, u, effective_freedom(scatters, u))
+
+    interval = None if combined is None else interval_of(combined)
     return Difference(
         metric=metric,
         a=first.mean,
@@ -115,14 +112,9 @@ def difference(
         excludes_zero=None if interval is None else interval[0] > 0.0 or interval[1] < 0.0,
         repeatability=repeatability,
         sensors=sensors,
-        interval_repeatability=None if repeatability is None else _interval(value, scatters, repeatability),
+        interval_repeatability=None if repeatability is None else interval_of(repeatability),
         cycles=(first.cycles, second.cycles),
     )
-
-
-def _interval(value: float, scatters: Sequence[Scatter], u: float) -> tuple[float, float]:
-    reach = student(effective_freedom(scatters, u)) * u
-    return value - reach, value + reach
 
 
 def _sensors(a: _Side, b: _Side, shared: frozenset[str]) -> float:
@@ -182,16 +174,6 @@ def _scatters(cycles: Sequence[Sequence[float]], rests: Sequence[float], *, repe
     excess = max((between - within) / usual - zeros, 0.0) * squares / total**2
     parts = (Scatter(math.sqrt(within / total), total - logs), Scatter(math.sqrt(excess), logs - 1.0))
     return tuple(part for part in parts if part.u > 0.0) or parts[:1]
-
-
-def effective_freedom(scatters: Sequence[Scatter], combined: float) -> float:
-    """Effective degrees of freedom of a combined standard uncertainty (GUM G.2b); inf where no scatter counts.
-
-    >>> round(effective_freedom([Scatter(1.0, 2.0), Scatter(1.0, 2.0)], 2.0**0.5), 6)
-    4.0
-    """
-    spread = sum(part.u**4 / part.freedom for part in scatters)
-    return combined**4 / spread if spread > 1e-12 * combined**4 else math.inf
 
 
 def shared_gains(a: Sequence[ComparedRun], b: Sequence[ComparedRun]) -> tuple[frozenset[str], tuple[str, ...]]:

@@ -46,6 +46,7 @@ def _is_listed(value: object, kind: type) -> bool:
     return isinstance(value, Iterable) and not isinstance(value, str) and all(isinstance(one, kind) for one in value)
 
 
+MAPPING = Expected("a mapping, such as a dict", lambda value: isinstance(value, Mapping))
 FLAG = Expected("True or False", lambda value: isinstance(value, bool))
 NUMBER = Expected("a number", is_number)
 TEXT = Expected("a text", lambda value: isinstance(value, str))

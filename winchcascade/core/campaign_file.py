@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from datetime import datetime  # msgspec evaluates the types of a struct
+from functools import lru_cache
 from itertools import product
 from os.path import isfile, realpath  # unlike that of Path, isfile gives no error for a name that no file can have
 from pathlib import Path
@@ -164,9 +165,7 @@ def load_campaign(path: Path) -> Campaign:
         raise CampaignError(
             f"{path}: is no campaign; expected a {CAMPAIGN_FILE} that lists the logs, or a folder with one."
         )
-    raw = toml_values(read_toml(path, CampaignError), str(path), CampaignError)
-    file: _CampaignFile = convert(raw, _CampaignFile, f"{path}:", CampaignError)
-    listed = tuple(_run(run, f"{path}: run {k}:", path, file) for k, run in enumerate(file.run, 1))
+    file, listed = _parsed(read_toml(path, CampaignError), path)
     with_offset = {run.started.tzinfo is not None: k for k, run in enumerate(listed, 1) if run.started is not None}
     if len(with_offset) > 1:
         raise CampaignError(
@@ -178,6 +177,13 @@ def load_campaign(path: Path) -> Campaign:
         check_held_out([run.file.name for run in listed], logs, [run.cycles for run in listed], withheld, str(path))
     rig = file.rig
     return Campaign(path, file.title, str(path.parent / rig) if rig and isfile(path.parent / rig) else rig, listed)
+
+
+@lru_cache(maxsize=8)
+def _parsed(text: str, path: Path) -> tuple[_CampaignFile, tuple[CampaignRun, ...]]:
+    """A campaign file and its runs from its text, which each log of a folder finds beside it."""
+    file: _CampaignFile = convert(toml_values(text, str(path), CampaignError), _CampaignFile, f"{path}:", CampaignError)
+    return file, tuple(_run(run, f"{path}: run {k}:", path, file) for k, run in enumerate(file.run, 1))
 
 
 def _run(raw: Table, place: str, path: Path, campaign: _CampaignFile) -> CampaignRun:

@@ -65,7 +65,8 @@ def settings_beside(
     campaign, run = beside
     settings = listed_settings(campaign, run, first_named(campaign.rig, read=read) if rig is None else rig)
     file = realpath(run.file)
-    times = sum(one.sheet == run.sheet and realpath(one.file) == file for one in campaign.runs)
+    alike = [one for one in campaign.runs if one.file.name == run.file.name and one.sheet == run.sheet]
+    times = sum(realpath(one.file) == file for one in alike)
     if times == 1:
         return settings
     message = f"{campaign.path.name} lists this log {times} times, with other cycles, load or window each"

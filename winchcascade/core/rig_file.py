@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cache
+from numbers import Real
 from typing import Annotated, Any, Literal, get_args
 
 import msgspec
@@ -16,8 +17,9 @@ from msgspec import Meta
 from winchcascade.core.campaign_file import Ranges, check_ranges
 from winchcascade.core.cascade import PAPER, Cascade
 from winchcascade.core.channels import CHANNELS, Channel
+from winchcascade.core.errors import OptionError, check_type
 from winchcascade.core.quantity import Quantity
-from winchcascade.core.toml_file import struct_fields
+from winchcascade.core.toml_file import convert, struct_fields
 
 PhaseSource = Literal["velocity", "displacement", "speed", "column", "ranges", "waves", "steps", "rows", "whole"]
 """What the cycles of a log are found in."""
@@ -127,8 +129,13 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if self.low is not None and self.high is not None and self.low >= self.high:
             raise ValueError(f"low {self.low:g} is not below high {self.high:g}; correct the range.")
         for key in ("accuracy_full_scale", "daq_full_scale"):
-            if getattr(self, key) is not None and not (self.high or self.low):
+            if getattr(self, key) is not None and not self.full_scale:
                 raise ValueError(f"{key} has no full scale; give the range as high = ... too.")
+
+    @property
+    def full_scale(self) -> float:
+        """End of the range that is farther from zero; 0 where none is stated. [SI unit of the channel]"""
+        return max(abs(self.low or 0.0), abs(self.high or 0.0))
 
 
 Side = Literal["drum", "shaft", "generator"]
@@ -374,6 +381,16 @@ def measures(kind: type[msgspec.Struct]) -> dict[str, Measure]:
     return {f.name: note for f in struct_fields(kind) for note in get_args(f.type) if isinstance(note, Measure)}
 
 
+def _is_stated(value: object) -> bool:
+    """Whether a threshold has a value that a file can state: NaN follows the log, and inf is never reached."""
+    return not isinstance(value, float) or math.isfinite(value)
+
+
+def _plain(value: object) -> object:
+    """A number of any kind as one of Python; anything else as it is."""
+    return float(value) if isinstance(value, Real) else value
+
+
 class Rig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One rig, numbers in SI units. `columns` names columns of logs that the table of names does not contain.
 
@@ -402,6 +419,24 @@ class Rig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     phases: PhaseRule = PhaseRule()
     path: str = ""
     assumed: bool = False
+
+    def __post_init__(self) -> None:
+        """Reject parts and numbers of a rig that was made in Python, which no rig file may state: OptionError."""
+        for name, kind in {**PARTS, "cascade": Cascade}.items():
+            check_type(f"Rig, {name}", getattr(self, name), kind, "load_rig(name)")
+        stated = {f.name: getattr(self.thresholds, f.name) for f in struct_fields(Thresholds)}
+        convert(
+            {name: _plain(x) for name, x in stated.items() if _is_stated(x)}, Thresholds, "Rig, thresholds", OptionError
+        )
+        check_type("Rig, sensors", self.sensors, Mapping, "load_rig(name)")
+        for name, sensor in self.sensors.items():
+            check_type(f"Rig, sensors {name}", sensor, Sensor, "load_rig(name)")
+        for name, kind in PARTS.items():
+            for number, measure in measures(kind).items() if kind is not Thresholds else ():
+                value = getattr(getattr(self, name), number)
+                if value is not None:
+                    check_type(f"Rig, {name} {number}", value, Quantity, 'Quantity(0.13, "m")')
+                    convert(_plain(value.value), measure.si, f"Rig, {name} {number} in SI units", OptionError)
 
     @property
     def known_channels(self) -> Mapping[str, Channel]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import msgspec
 
-from winchcascade.core.arguments import LOAD, RATE, check_arguments
+from winchcascade.core.arguments import CYCLES, LOAD, MAPPING, RATE, TEXT, Expected, check_arguments
 from winchcascade.core.campaign_file import Cycles, Origin
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.viewed import Viewed
@@ -118,6 +118,10 @@ class Finding(msgspec.Struct, frozen=True):
         return self.removed / whole if whole else 0.0
 
 
+FINDINGS = Expected("a tuple of findings", lambda value: isinstance(value, tuple))
+RIG = Expected("a rig, as load_rig(name) gives it, or None", lambda value: value is None or isinstance(value, Rig))
+
+
 class Run(Viewed, frozen=True):
     """One log, checked when it was read: stamps rise, every channel is finite, and what was bridged is known.
 
@@ -176,10 +180,12 @@ class Run(Viewed, frozen=True):
         """Check a run that was not read by this program. Raises OptionError as `checked_arrays`."""
         from winchcascade.core.checked_run import SealedChannels, checked_arrays
 
-        check_arguments("Run", ("load", self.load, LOAD))
-        if not isinstance(self.channels, SealedChannels):
-            check_arguments("Run", ("fs", self.fs, RATE))
-            for name, value in checked_arrays(self.name, self.t, self.channels, self.labels).items():
+        check_arguments(
+            "Run", ("name", self.name, TEXT), ("load", self.load, LOAD), ("fs", self.fs, RATE), ("gaps", self.gaps, MAPPING),
+            ("findings", self.findings, FINDINGS), ("cycles", self.cycles, CYCLES), ("rig", self.rig, RIG),
+        )  # fmt: skip
+        if not isinstance(self.channels, SealedChannels) or not self.channels.fits(self.t, self.fs):
+            for name, value in checked_arrays(self.name, self.t, self.channels, self.labels, self.fs).items():
                 msgspec.structs.force_setattr(self, name, value)
 
     def __repr__(self) -> str:

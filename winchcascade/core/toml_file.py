@@ -42,7 +42,18 @@ def toml_values(text: str, where: str, fault: type[WinchcascadeError]) -> Table:
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as found:  # a ValueError: Python reads no number of thousands of digits
-        raise fault(f"{where}: not a valid TOML file: {found}.") from None
+        raise fault(f"{where}: not a valid TOML file: {found}.{_hint(text, str(found))}") from None
+
+
+_PLACE = re.compile(r"at line (\d+)")
+_DECIMAL_COMMA = re.compile(r"""^[^"'#]*=\s*[-+]?(\d+,\d+)""")
+
+
+def _hint(text: str, found: str) -> str:
+    """What to write in a line with a decimal comma, with a blank before it; empty for any other line."""
+    line = _PLACE.search(found)
+    comma = _DECIMAL_COMMA.match(text.splitlines()[int(line[1]) - 1]) if line else None
+    return f" Write {comma[1].replace(',', '.')} for {comma[1]}: TOML has decimal points." if comma else ""
 
 
 def convert(raw: object, kind: Any, place: str, fault: type[WinchcascadeError]) -> Any:

@@ -256,6 +256,13 @@ HALVED, TINY = 40, 1e-300
 """Number of times that the span of an end of an interval is halved, and a standard deviation for what has none. [1]"""
 
 
+def check_options(loads: Sequence[float], speeds: Sequence[float], limits: Limits) -> None:
+    """Reject a load, a speed or a limit that is none: OptionError."""
+    stated = {f"--{name}-limit": [limit] for name in LIMITED if (limit := getattr(limits, name)) != math.inf}
+    for option, numbers in {"--loads": loads, "--speeds": speeds, **stated}.items():
+        require_positive(option, numbers)
+
+
 def design(
     posterior: RigPosterior,
     tested: Tested,
@@ -281,9 +288,7 @@ def design(
     ------
     OptionError : a load, a speed or a limit that is none
     """
-    stated = {f"--{name}-limit": [limit] for name in LIMITED if (limit := getattr(limits, name)) != math.inf}
-    for option, numbers in {"--loads": loads, "--speeds": speeds, **stated}.items():
-        require_positive(option, numbers)
+    check_options(loads, speeds, limits)
     if tested.warm is not None:
         limits = msgspec.structs.replace(limits, heating=min(limits.heating, tested.warm))
     rig = CorrectedRig(posterior, tested)

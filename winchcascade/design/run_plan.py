@@ -35,6 +35,7 @@ from winchcascade.diagnosis.fit.suspects import freedom, with_values
 from winchcascade.diagnosis.handover.posterior import OF_THE_RIG, RigPosterior, posterior_of_rig
 from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.rig.baseline import baseline
+from winchcascade.rig.simulate import check_travel
 from winchcascade.rig.steps import RESOLVED, rate_of_the_rotor
 
 if TYPE_CHECKING:
@@ -125,6 +126,7 @@ def before(rig: Rig, loads: Sequence[float], speeds: Sequence[float], length: fl
     ------
     OptionError : no load or no speed, a speed or a length that is none, or runs that are too long or too many
     RigError : the rig has no model
+    LogError : a length that the gas or the drum does not allow
     """
     if not loads or not speeds:
         raise OptionError(
@@ -138,6 +140,7 @@ def before(rig: Rig, loads: Sequence[float], speeds: Sequence[float], length: fl
         raise OptionError(
             f"--length {length:g}: the line speeds up in {RAMP * time:.2g} s; expected {shortest:.2g} s at least."
         )
+    check_travel(f"--length {length:g}", model.physics, 0.0, length)
     options = [PlannedRun(load, speed) for load in sorted(loads) for speed in sorted(speeds)]
     return _checked(Basis(rig.title or rig.name, Setting(rig, model, length, time, SAMPLES / time), options))
 

@@ -278,11 +278,11 @@ def _run_of(loaded: _Loaded, settings: LogSettings, *, where: str, simulated: bo
             f"{where}: the columns of motion and power hold no number; expected those of one stage at least."
         )
     gaps = clock.gaps if rows else np.interp(clock.gaps, clock.t, checked.t).reshape(-1, 2)
-    lost = np.concatenate((gaps, checked.clock))
+    lost, t = np.concatenate((gaps, checked.clock)), sealed(checked.t)
     return Run(
         name=one_line(where),
-        t=sealed(checked.t),
-        channels=sealed_channels(checked.channels),
+        t=t,
+        channels=sealed_channels(checked.channels, t, clock.fs),
         fs=clock.fs,
         samples=loaded.samples,
         gaps=dict(checked.gaps) | ({CLOCK: lost[np.argsort(lost[:, 0])]} if lost.size else {}),

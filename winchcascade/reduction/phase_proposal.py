@@ -91,7 +91,7 @@ def _steps(run: Run, rig: Rig) -> int:
 
 
 def other_source(phased: PhasedRun, results: Sequence[CycleResult]) -> list[Finding]:
-    """Report a log whose motion is none of a crane, where the rig file leaves the source of cycles open.
+    """Report a log without a cycle, or whose motion is none of a crane where the rig file leaves the source of cycles open.
 
     That is a shaft of whose line the log shows nothing, or a motion that reciprocates without plateaus. Payout and haul-in of a
     winch are steady stretches too, two of each cycle; of a kite that reels in and out while it pays out, most waves are no
@@ -99,7 +99,11 @@ def other_source(phased: PhasedRun, results: Sequence[CycleResult]) -> list[Find
     """
     run, cycles, found = phased.run, phased.cycles, ""
     left_open = replace(phased.rig.phases, rpm_onset=math.nan) == PhaseRule()
-    if not left_open or not cycles:
+    if not cycles:
+        return [
+            Finding("phase_source", no_cycles(run, phased.rig).removeprefix(f"{run.name}: "), "every metric is null")
+        ]
+    if not left_open:
         return []
     derived = any(f.kind == "derived_channel" and f.channel == "velocity" for f in run.findings)
     if derived and run.channels.keys().isdisjoint({"displacement", "force", "pressure"}):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -62,6 +62,7 @@ def reduce(
     load: float | None = None,
     window: str | float | None = None,
     cycles: tuple[int, int] | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> Reduction:
     """Reduce a run: find its cycles and integrate each one's powers over its window (Sec. 3.2).
 
@@ -72,11 +73,12 @@ def reduce(
     rig : in place of the one that the run was read with; the paper's, as assumed, for a run that was not read
     window : "auto", "payout" or a length [s]; by default that of the campaign of the run, else the rig's rule
     cycles : first and last cycle that count, numbered by payout; by default those of the campaign of the run, else all
+    units : of a DataFrame alone: units of its columns by their names, such as {"force": "kN"}
 
     Raises
     ------
     OptionError : no run, no rig, no window rule, one longer than most payouts, or cycles of which the log has none; another
-        rig than that with whose numbers a channel of the run was made; or a load of a run, which has its own
+        rig than that with whose numbers a channel of the run was made; or load or units of a run, which has its own
     LogError : a log that is not read yet, and cannot be
 
     Examples
@@ -84,7 +86,7 @@ def reduce(
     >>> len(reduce("fixtures/campaign/r36ohm.csv").cycles)
     3
     """
-    run, given = _read(run, rig, load), rig
+    run, given = _read(run, rig, load, units), rig
     check_arguments("reduce", ("cycles", cycles, CYCLES))
     rig, rule = _fitting(run, rig, window)
     cycles = run.cycles if cycles is None else cycles
@@ -128,26 +130,29 @@ def reduce(
     )
 
 
-def _read(given: Run | str | Path | pd.DataFrame, rig: Rig | None, load: float | None) -> Run:
+def _read(
+    given: Run | str | Path | pd.DataFrame, rig: Rig | None, load: float | None, units: Mapping[str, str] | None
+) -> Run:
     """The run of a call, read now where a file or a frame was given.
 
     Raises
     ------
-    OptionError : something else, or a load of a run that is read already
+    OptionError : something else, or load or units of a run that is read already
     """
     if isinstance(given, str | os.PathLike) or (not isinstance(given, Run) and isinstance(given, pd.DataFrame)):
         from winchcascade.ingest.read import read_run  # which a call with a run does not wait for
 
-        return read_run(given, rig=None if rig is None else given_rig("reduce", rig), load=load)
+        return read_run(given, rig=None if rig is None else given_rig("reduce", rig), load=load, units=units)
     if not isinstance(given, Run):
         raise OptionError(
             f"reduce: cannot take a {type(given).__name__}; expected a Run, the path of a log or a pandas DataFrame."
         )
-    if load is not None:
-        raise OptionError(
-            f"reduce: load is {load!r}, but {given.name} was read with its own; expected a load with a file or a frame "
-            "alone. Give it to read_run, or make another run by msgspec.structs.replace(run, load=...)."
-        )
+    for name, value in {"load": load, "units": units}.items():
+        if value is not None:
+            raise OptionError(
+                f"reduce: {name} is {value!r:.100}, but {given.name} was read with its own; expected it with a file or a "
+                "frame alone. Give it to read_run."
+            )
     return given
 
 

@@ -277,13 +277,9 @@ def reduction_entries(reduction: Reduction, found: Uncertainty | None = None) ->
         ],
         **dict(means),
         "uncertainty": {
-            "seed": found.seed,
-            "draws": found.draws,
-            "stated": named(found.method, names),
             "sensors": named(known.sensors, names),
             "sensors_by_limits": named(known.by_limits, names) if known.by_limits else {},
             "repeatability": named(known.repeatability, names),
-            "monte_carlo": named(found.drawn, names),
             "interval_95_sensors": named(found.interval_95_sensors, names),
             "degrees_of_freedom": named(known.freedom, names),  # JSON writes null for an infinite number
             "budget": _budget(reduction, found, names),

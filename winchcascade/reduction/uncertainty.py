@@ -1,11 +1,8 @@
-"""Uncertainty of the means of a reduction: one model of the errors of the sensors, differentiated for the budget of the GUM
-(JCGM 100:2008) and drawn for the 95 % intervals (JCGM 101:2008); with it the repeatability of the cycles.
+"""Uncertainty of the means of a reduction by the GUM (JCGM 100:2008): a model of the errors of the sensors, differentiated for
+the budget, with the repeatability of the cycles, and 95 % intervals by Student's distribution.
 
 A sensor reads (1 + gain) x + zero, both unknown but the same over the whole run, so neither averages out over its cycles. As a
 power is a product of two channels, its energy for any errors follows from four integrals, and nothing is integrated again.
-
-The errors are drawn from a lattice that is shifted at random (Korobov 1959; Cranley and Patterson 1976). It fills the space of
-the errors evenly, so that 8191 draws determine an interval better than 20 000 independent ones.
 """
 
 from __future__ import annotations
@@ -13,22 +10,28 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from functools import cache, cached_property, lru_cache
+from functools import cache, cached_property
 from itertools import combinations
-from statistics import NormalDist
-from typing import Any, Literal, NamedTuple
+from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from winchcascade.core.accuracy import Basis, ErrorSource, error_sources
-from winchcascade.core.arguments import SEED_NUMBER, check_arguments
+from winchcascade.core.accuracy import (
+    Basis,
+    ErrorSource,
+    Interval,
+    Scatter,
+    effective_freedom,
+    error_sources,
+    interval_95,
+)
 from winchcascade.core.cascade import Stream, Term
 from winchcascade.core.errors import check_type
 from winchcascade.core.integrate import integrals_of, largest
 from winchcascade.core.rig_file import Rig, Sensor
-from winchcascade.core.run import Index, Run, Signal
+from winchcascade.core.run import Run, Signal
 from winchcascade.reduction.efficiency import NOTHING, Metrics
 from winchcascade.reduction.energies import SIGN, spans_of
 from winchcascade.reduction.reduction_result import Reduction
@@ -46,30 +49,12 @@ IMAGINARY_STEP = 1e-30
 NORMAL_REACH = 3.0
 """Largest normal error that is considered, in standard uncertainties."""
 
-LINEAR_WITHIN = 0.02
-"""Where the standard uncertainties of draws and budget differ by more than this share, that of the draws is stated."""
-
-SEED = 20260
-"""Seed of the shift of the lattice unless another is given, so that the same log gives the same interval."""
-
-DRAWS, MULTIPLIER = 8191, 3483
-"""Number of draws of all errors, and the multiplier of their lattice: of 400 one with the smallest errors of the intervals of
-150 sums of 2 to 12 errors. The ends of an interval are then known to 1 % of its width."""
-
-SHARES = (np.arange(DRAWS) + 0.5) / DRAWS
-"""Shares of its distribution that lie below the draws of an error, in rising order. [1]"""
-
-ANGLES = 1 << 15
-"""Number of angles at which Student's distribution is tabulated."""
-
 Terms = tuple[tuple[tuple[str, ...], int], ...]
 """Channels of each term of a power, and the power of the stated drum radius that the term is proportional to."""
 
 Weights = Mapping[str, Mapping[str, Signal]]
 """Of each metric, by the energies that it is made of, the change of the metric of a cycle with that energy, (k,); NaN for a
 cycle without the metric. Of an efficiency what comes out stands first, then what goes in."""
-
-Method = Literal["gum", "monte_carlo"]
 
 
 class BudgetRow(msgspec.Struct, frozen=True):
@@ -103,35 +88,24 @@ class Budget(msgspec.Struct, frozen=True):
     undetermined: tuple[str, ...] = ()
 
 
-class Interval(NamedTuple):
-    """Ends of a 95 % interval, in the unit of the metric."""
-
-    low: float
-    high: float
-
-
 class Uncertainty(msgspec.Struct, frozen=True):
     """Uncertainty of the means of a reduction.
 
     Parameters
     ----------
     budget : contributions by the GUM
-    seed, draws : of the Monte Carlo, and its number of draws
-    drawn : standard uncertainties by the draws
-    standard : that of the budget where the draws confirm it, else that of the draws, in the unit of the metric
-    method : which of both, of each metric
     interval_95 : of the mean over cycles of this kind, by sensors and repeatability together
     interval_95_sensors : of the mean of these very cycles, by sensors alone
     """
 
     budget: Budget
-    seed: int
-    draws: int
-    drawn: Metrics
-    standard: Metrics
-    method: Mapping[str, Method]
     interval_95: Mapping[str, Interval]
     interval_95_sensors: Mapping[str, Interval]
+
+    @property
+    def standard(self) -> Metrics:
+        """Standard uncertainty of each mean, in the unit of the metric."""
+        return self.budget.mean
 
 
 # ---------------------------------------------------------------------------------------------------- the model of errors
@@ -345,6 +319,7 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
     values = {m: [c.metrics.value(m) for c in reduction.complete if c.metrics[m] is not None] for m in given}
     repeated = {m: x for m, x in values.items() if reduction.rig.phases.repeats and len(x) > 1}
     scatter = {m: float(np.std(x, ddof=1)) / math.sqrt(len(x)) for m, x in repeated.items()}
+    of_cycles = {m: [Scatter(u, len(values[m]) - 1.0)] for m, u in scatter.items()}
     mean = {m: math.hypot(*x, scatter.get(m, 0.0)) for m, x in parts.items()}
     used, lacking = {name for energy in energies.values() for name in energy.channels}, model.lacking.values()
     return Budget(
@@ -352,7 +327,7 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
         sensors=Metrics({m: math.hypot(*x) for m, x in parts.items()}, names),
         repeatability=Metrics(scatter, names),
         mean=Metrics(mean, names),
-        freedom=Metrics({m: _freedom(u, scatter.get(m, 0.0), len(values[m])) for m, u in mean.items()}, names),
+        freedom=Metrics({m: effective_freedom(of_cycles.get(m, ()), u) for m, u in mean.items()}, names),
         cycles=tuple(cycles),
         by_limits=Metrics(by_limits if limits else {}, names),
         cycles_by_limits=tuple(cycles_by_limits),
@@ -362,115 +337,30 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
     )
 
 
-def _freedom(combined: float, scatter: float, n: int) -> float:
-    """Effective degrees of freedom: those of the scatter, n - 1, times (combined / scatter)^4 (GUM G.2b)."""
-    return math.inf if scatter <= 1e-9 * combined else (n - 1) * (combined / scatter) ** 4
+def uncertainty(reduction: Reduction) -> Uncertainty:
+    """State the uncertainty of the means of a reduction: budget and 95 % intervals by the GUM, as `compare` states them.
 
-
-# ------------------------------------------------------------------------------------------ draws by JCGM 101 and intervals
-def uncertainty(reduction: Reduction, *, seed: int = SEED) -> Uncertainty:
-    """State the uncertainty of the means of a reduction: budget by the GUM, intervals by draws of all errors.
-
-    The mean of the cycles is drawn from Student's distribution, as few of them determine it only roughly (JCGM 101, 6.4.9). A
-    single cycle does not show it, so its interval is that of the sensors alone.
-
-    Parameters
-    ----------
-    seed : of the shift of the lattice
+    An interval is t times the standard uncertainty, with the effective degrees of freedom of the budget. A single cycle shows
+    no scatter, so its interval is that of the sensors alone.
 
     Raises
     ------
-    OptionError
-        If `seed` is no whole number from 0 on, or `reduction` is something else.
+    OptionError : `reduction` is something else
 
     Examples
     --------
     >>> from winchcascade.reduction.reduce import reduce
     >>> from winchcascade.ingest.read import read_run
-    >>> found = uncertainty(reduce(read_run("fixtures/campaign/r36ohm.csv"), window=5.48))
-    >>> round(found.standard.eta_trans, 4), found.method["eta_trans"]
-    (0.0019, 'gum')
+    >>> round(uncertainty(reduce(read_run("fixtures/campaign/r36ohm.csv"), window=5.48)).standard.value("eta_trans"), 4)
+    0.0019
     """
     check_type("uncertainty", reduction, Reduction, "reduce(run)")
-    check_arguments("uncertainty", ("seed", seed, SEED_NUMBER))
-    model = error_model(reduction)
-    known, names = budget(reduction, model), reduction.rig.cascade.all_metrics
-    gaps = next((row.of for row in known.rows if row.source is None), Metrics())
-    places = _lattice(seed, 2 + len(model.sources))
-    scales = {terms: _drawn_factors(seed, model.sources, terms) for terms in model.terms}
-    drawn, stated, whole, alone = {}, {}, {}, {}
-    method: dict[str, Method] = {}
-    for metric, u in known.mean.items():
-        counted = [c.complete and c.metrics[metric] is not None for c in reduction.cycles]
-        mean = _drawn_mean(model, model.weights[metric], counted, scales)
-        mean += gaps.value(metric) * _normal()[places[-1]] if gaps else 0.0
-        scatter = known.repeatability[metric] or 0.0
-        apart = mean - mean.mean()
-        drawn[metric] = math.hypot(math.sqrt(apart @ apart / DRAWS), scatter)
-        agree = abs(drawn[metric] - (u or 0.0)) <= LINEAR_WITHIN * drawn[metric]
-        method[metric], stated[metric] = ("gum", u) if agree else ("monte_carlo", drawn[metric])
-        alone[metric] = _interval(mean)
-        whole[metric] = _interval(mean + scatter * _student(sum(counted) - 1)[places[0]]) if scatter else alone[metric]
-    return Uncertainty(known, seed, DRAWS, Metrics(drawn, names), Metrics(stated, names), method, whole, alone)
-
-
-def _drawn_mean(
-    model: ErrorModel, weights: Mapping[str, Signal], counted: Sequence[bool], scales: Mapping[Terms, Signal]
-) -> Signal:
-    """Mean of a metric over the cycles that count for drawn errors, (draws,).
-
-    That of an efficiency is exact to the first order of the errors, and beyond where the cycles are alike.
-    """
-    found: list[Signal] = []
-    for name, weight in weights.items():
-        energy, share = model.energies[name], np.where(counted, weight, 0.0) / sum(counted)
-        joules = np.einsum("r,rn->n", energy.integrals @ share, scales[energy.terms])
-        found.append(joules / (share @ energy.joules) if found else joules)
-    return found[0] / found[1] if len(found) > 1 else found[0]
-
-
-def _interval(draws: Signal) -> Interval:
-    """Interval that holds 95 % of the draws, between two draws by linear interpolation."""
-    ordered, place = np.sort(draws), 0.025 * (DRAWS - 1)
-    k, share = int(place), place % 1.0
-    low, high = (x[k] + share * (x[k + 1] - x[k]) for x in (ordered, ordered[::-1]))
-    return Interval(float(low), float(high))
-
-
-@lru_cache(maxsize=4)
-def _lattice(seed: int, errors: int) -> Index:
-    """Place of each draw of each error in `SHARES`, (errors, draws), kept for the next log of a campaign."""
-    shifts, draw = np.random.default_rng(seed).integers(DRAWS, size=(errors, 1)), np.arange(DRAWS)
-    steps = np.array([pow(MULTIPLIER, k, DRAWS) for k in range(errors)])[:, None]
-    return np.asarray((draw * steps + shifts) % DRAWS)
-
-
-@lru_cache(maxsize=8)
-def _drawn_factors(seed: int, sources: tuple[ErrorSource, ...], terms: Terms) -> Signal:
-    """The `factors` for drawn errors, (r, draws), kept for the next log of a campaign, which has the same sources."""
-    errors = [
-        s.u * _normal()[place] if s.limit is None else s.limit * (2.0 * SHARES[place] - 1.0)
-        for s, place in zip(sources, _lattice(seed, 2 + len(sources))[1:-1], strict=True)
-    ]
-    return np.asarray(factors(terms, sources, np.reshape(errors, (-1, DRAWS))))
-
-
-@cache
-def _normal() -> Signal:
-    """Values of a standard normal variable below which `SHARES` of it lie, (draws,); scipy takes longer to import."""
-    return np.array([*map(NormalDist().inv_cdf, SHARES.tolist())])
-
-
-@lru_cache(maxsize=8)
-def _student(freedom: int) -> Signal:
-    """Values of Student's variable below which `SHARES` of it lie, (draws,), to 1e-4.
-
-    It is sqrt(freedom) times the tangent of an angle of the density cos(angle)^(freedom - 1).
-    """
-    angle = np.linspace(-math.pi / 2.0, math.pi / 2.0, ANGLES)
-    density = np.cos(angle) ** (freedom - 1)
-    below = np.cumsum(density) - 0.5 * (density + density[0])
-    return np.asarray(math.sqrt(freedom) * np.tan(np.interp(SHARES, below / below[-1], angle)))
+    known, mean = budget(reduction), reduction.mean
+    return Uncertainty(
+        known,
+        {m: interval_95(mean.value(m), u, known.freedom.value(m)) for m, u in known.mean.items() if u is not None},
+        {m: interval_95(mean.value(m), u) for m, u in known.sensors.items() if u is not None},
+    )
 
 
 def shares(part: Metrics, whole: Metrics) -> Metrics:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from winchcascade.core.accuracy import ACQUISITION, ErrorSource
@@ -148,13 +149,42 @@ def decisive(known: Budget) -> list[tuple[str, float, str]]:
     """Which sensor decides the uncertainty of each efficiency: the metric, the share of its variance, and the sensor."""
     rows = [("bridged gaps" if row.source is None else _sensor(row.source), row.of) for row in known.rows]
     found = []
-    for metric in (name for name in known.mean if name.startswith("eta") and name != "eta_net"):
+    for metric in filter(_is_ratio, known.mean):
         parts: dict[str, float] = {}
         for name, of in (*rows, ("repeatability", known.repeatability)):
             parts[name] = parts.get(name, 0.0) + (shares(of, known.mean)[metric] or 0.0)
         largest = max(parts, key=parts.__getitem__)
         found += [(metric, parts[largest], largest)] if parts[largest] else []
     return found
+
+
+WORTH_CALIBRATING = 0.5
+"""Share of the variance of an efficiency from which the limits of one sensor are worth a calibration: without them its standard
+uncertainty falls below 0.7 of what it was. [1]"""
+
+
+def calibration(known: Budget) -> str:
+    """What a calibration in place of the sensor would bring whose limits decide an efficiency most; empty if none does."""
+    found = []
+    for source, of in ((row.source, row.of) for row in known.rows):
+        if source is None or source.channel in (R_DRUM, SAMPLING) or source.basis == "calibration_in_place":
+            continue
+        parts = shares(of, known.mean).items()
+        found += [(share or 0.0, metric, source) for metric, share in parts if _is_ratio(metric)]
+    share, metric, source = max(found, key=itemgetter(0), default=(0.0, "", None))
+    u = known.mean[metric] if source is not None else None
+    if source is None or u is None or share < WORTH_CALIBRATING:
+        return ""
+    entry = f"u_{source.part} under [sensors.{source.channel}] of the rig file"
+    return (
+        f"u({metric}) is {u:.2g} by the limits of the {_sensor(source)}; with its {source.part} calibrated in place ({entry}) "
+        f"it would be {u * math.sqrt(1.0 - share):.2g}."
+    )
+
+
+def _is_ratio(metric: str) -> bool:
+    """Whether a metric is an efficiency of windows."""
+    return metric.startswith("eta") and metric != "eta_net"
 
 
 def not_known(known: Budget) -> list[str]:

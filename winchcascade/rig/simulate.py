@@ -13,7 +13,7 @@ import numpy as np
 from winchcascade.core.arguments import STEP_LENGTH, check_arguments
 from winchcascade.core.campaign_file import SIMULATED
 from winchcascade.core.channels import CHANNELS
-from winchcascade.core.errors import LogError, RigError, check_type
+from winchcascade.core.errors import LogError, OptionError, RigError, check_type
 from winchcascade.core.files import write_whole
 from winchcascade.core.quantity import UNITS
 from winchcascade.core.rig_toml import given_rig
@@ -139,19 +139,33 @@ def simulate(run: Run, model: Model | None = None, *, step: float | None = None)
     check_arguments("simulate", ("step", step, STEP_LENGTH))
     _check_model(model)
     scale = motion_of_runs([run])
-    step = resolving(model, scale) if step is None else step
+    _check_speed(run, scale)
+    usual = resolving(model, scale)
+    if step is not None and not usual / FINEST_SHARE <= step <= scale.ramp:
+        raise OptionError(
+            f"simulate: step is {step:g} s; expected one from {usual / FINEST_SHARE:.2g} s to the ramp of the motion, "
+            f"{scale.ramp:.2g} s. By default it is {usual:.2g} s."
+        )
+    step = usual if step is None else step
     if "velocity" not in run.channels or run.t[-1] - run.t[0] < 2.0 * step:
         raise LogError(
             f"{run.name}: {run.samples} samples of {', '.join(run.channels)} hold no motion of the line; expected a log with "
             "velocity or displacement."
         )
-    return simulate_along(run, model, motion_of(run, step, scale))
+    found = simulate_along(run, model, motion_of(run, step, scale))
+    for name, signal in found.run.channels.items():
+        if not np.max(np.abs(signal)) < LARGEST:
+            raise RigError(
+                f"{run.name}: the model gives a {name} of {np.max(np.abs(signal)):.3g} in SI units, which no rig has; "
+                "check the rig file and the effects together."
+            )
+    return found
 
 
 def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
     """Simulate the rig along a given motion, at the load and stamps of a log. Raises as `simulate`."""
     _check_model(model)
-    _check_travel(run.name, model, motion)
+    check_travel(run.name, model, float(np.min(motion.x)), float(np.max(motion.x)))
     out, sensors = solve(model, motion, load_of(run)), model.sensors
     now, late = (_between(motion, t, out) for t in (run.t, sensors.late("vdc", run.t)))
     channels = {"displacement": np.interp(run.t, motion.t, motion.x), "velocity": run.channels["velocity"]}
@@ -203,9 +217,9 @@ def _check_model(model: Model) -> None:
             )
 
 
-def _check_travel(name: str, model: Model, motion: LineMotion) -> None:
-    """Reject a motion that leaves the gas no volume, or the rope no radius on the drum: LogError."""
-    gas, low, high = model.restoring, float(np.min(motion.x)), float(np.max(motion.x))
+def check_travel(name: str, model: Model, low: float, high: float) -> None:
+    """Reject a travel between two places [m] that leaves the gas no volume, or the rope no radius on the drum: LogError."""
+    gas = model.restoring
     push = gas.area * gas.lead / model.r_motion
     if gas.volume <= push * high:
         raise LogError(
@@ -218,6 +232,31 @@ def _check_travel(name: str, model: Model, motion: LineMotion) -> None:
             f"{name}: the line moves from {low:.4g} to {high:.4g} m, but at {-1.0 / model.winch.layering:.4g} m the rope "
             "would run on a radius of nothing; expected less motion, so check the unit of velocity and displacement, and "
             "the effects."
+        )
+
+
+LARGEST = 1e15
+"""Largest number that a rig file may state, too, in SI units."""
+
+FINEST_SHARE = 1000.0
+"""Ratio of the usual step to the finest one that may be given: a log of minutes then fills gigabytes. [1]"""
+
+OVER_SPEED = 20.0
+"""Ratio of the speed of a generator to its rated speed at which none holds together: those of machines with magnets burst at
+two to three times it, and a velocity in mm/s that is read as m/s is a thousand times too fast. [1]"""
+
+
+def _check_speed(run: Run, scale: MotionScale) -> None:
+    """Reject a motion that turns the generator so fast that the unit of the velocity is wrong: LogError."""
+    rig = run.rig
+    if rig is None or rig.generator.speed_rated is None or rig.rpm_per_velocity is None:
+        return
+    rpm, rated = rig.rpm_per_velocity * scale.speed, rig.generator.speed_rated.value * RPM
+    if rpm > OVER_SPEED * rated:
+        raise LogError(
+            f"{run.name}: the line moves at {scale.speed:.4g} m/s, which turns the generator at {rpm:.3g} rpm, "
+            f"{rpm / rated:.0f} times its rated speed; expected {OVER_SPEED:g} times at most, so check the unit of velocity "
+            "and displacement, r_drum and gear_ratio."
         )
 
 

@@ -46,6 +46,7 @@ from winchcascade.tables.feasible import (
     window,
 )
 from winchcascade.tables.published_table import Printed, PublishedTable, Span, TableRow
+from winchcascade.tables.row_order import exchanged_rows
 from winchcascade.tables.table_file import load_table
 
 if TYPE_CHECKING:
@@ -178,12 +179,12 @@ def audit(
         suspects = {name for item in found for cell in item.cells for name in (cell, *made_of(cell, table.columns))}
         fault = find_column_fault(table, suspects, lambda other: _contradicted(other, known))
     kept = found if fault is None else _contradictions(mended(table, fault), known)
-    recovered = _windows(table) if table.by_load else ()
+    recovered, order = (_windows(table), exchanged_rows(table, known)) if table.by_load else ((), None)
     return Audit(
         table=table,
         known=known,
         contradictions=kept,
-        faults=() if fault is None else (fault,),
+        faults=tuple(one for one in (fault, order) if one is not None),
         explained=() if fault is None else found,
         claims=tuple(claim_verdict(claim, table, known) for claim in table.claims),
         windows=recovered,

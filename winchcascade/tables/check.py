@@ -9,6 +9,9 @@ and what the table allows a mean of products to differ from the product of means
 reader of the table knows only the limits of the makers: for the side of the table these count too, in squares. The scatter of
 the cycles counts once, in the deviation. Where the table prints the largest deviation of its cycles, the measured one counts up
 to that: a damaged log must not widen its own tolerance.
+
+Cycles differ by their motion, which moves all energies and powers of a row alike, and their efficiencies deviate less. So the
+deviation of an energy is what the row as a whole differs by, and that of the efficiencies.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import PurePath
 from typing import Literal
 
@@ -30,7 +33,7 @@ from winchcascade.core.errors import OptionError, WinchcascadeError
 from winchcascade.core.plain_text import first_of
 from winchcascade.core.quantity import unit_suffix
 from winchcascade.core.viewed import Viewed
-from winchcascade.reduction.efficiency import METRICS
+from winchcascade.reduction.efficiency import METRICS, RATIOS
 from winchcascade.reduction.run_record import CycleRecord, Numbers, RunRecord
 from winchcascade.tables.published_table import (
     DIMENSIONS,
@@ -47,6 +50,12 @@ COVERAGE = 2.0
 
 MAX_NAMED = 8
 """Results without a row that a note names."""
+
+ROW_MIN = 3
+"""Energies and powers of a row of which the median shows what they have in common: a single wrong one does not move it."""
+
+_OF_A_MOTION = ("energy", "power")
+"""Kinds of metrics that the motion of a cycle changes alike."""
 
 _DUST = 1e-12
 """Share of the printed value that the arithmetic itself may miss."""
@@ -221,7 +230,8 @@ def check(
             empty.append(row.name)
             continue
         names = [name for name in compared if name in row.cells]
-        cells += [_cell(table, row, name, result, factors) for result in (of_row or (None,)) for name in names]
+        for result in of_row or (None,):
+            cells += _as_a_row([_cell(table, row, name, result, factors) for name in names], table, result, factors)
         if messages := tuple(dict.fromkeys(text for result in of_row for text in result.findings)):
             findings.append((row, messages))
     notes += [f"no result belongs to {first_of(empty, MAX_NAMED, '; ')}; left out."] if empty else []
@@ -231,7 +241,34 @@ def check(
         )
     used = [result for k in sorted(found) for result in found[k]]
     notes += _counted_otherwise(table, used, compared, factors)
+    notes += _whole_payouts(table, found, cells)
     return Check(table, factors, tuple(cells), tuple(notes), tuple(findings), tuple(r.origin for r in used))
+
+
+def _whole_payouts(
+    table: PublishedTable, found: Mapping[int, Sequence[Measured]], cells: Sequence[CellCheck]
+) -> list[str]:
+    """A note where the line energies that the table prints are those of whole payouts, and not of the windows."""
+    column = next((name for name, c in table.columns.items() if c.measured == "energy_line"), None)
+    rows = {table.rows[k].number: results for k, results in found.items()}
+    of = [
+        (c, result)
+        for c in cells
+        if c.metric == column
+        for result in rows.get(c.row.number, ())
+        if result.name == c.log
+    ]
+    missed = [c.outcome == "miss" for c, _ in of]
+    fits = [
+        payout is not None and abs(payout / c.cell.factor - c.cell.value) <= c.tolerance
+        for c, payout in ((c, result.values.get("energy_payout")) for c, result in of)
+    ]
+    if not of or 2 * sum(missed) <= len(of) or 2 * sum(fits) <= len(of):
+        return []
+    return [
+        f"{column}: {sum(fits)} of {len(of)} cells fit the energy of the whole payout, {len(of) - sum(missed)} that of the "
+        "window; reduce the logs with --window payout."
+    ]
 
 
 # -------------------------------------------------------------------------------------------------------------- the results
@@ -413,6 +450,31 @@ def _cell(table: PublishedTable, row: TableRow, name: str, result: Measured | No
         limits=factors.uncertainty * limits,
         means=factors.means * table.tolerance * abs(cell.value),
     )
+
+
+def _as_a_row(
+    cells: Sequence[CellCheck], table: PublishedTable, result: Measured | None, factors: Factors
+) -> list[CellCheck]:
+    """Cells of a row, with the deviation of energies and powers as what they have in common, and what efficiencies deviate.
+
+    What they have in common is the median of their differences, up to the deviation of each.
+    """
+    metrics = [table.columns[cell.metric].measured for cell in cells]
+    alone = [x for m, x in (result.deviation if result else {}).items() if m in RATIOS and x is not None]
+    shares = {
+        k: x / c.cell.value
+        for k, c in enumerate(cells)
+        if c.deviation and c.cell.value and metrics[k].startswith(_OF_A_MOTION) and (x := c.difference) is not None
+    }
+    if len(shares) < ROW_MIN or not alone:
+        return [*cells]
+    common, found = float(np.median([*shares.values()])), [*cells]
+    for k, share in shares.items():
+        cell = cells[k]
+        own = factors.deviation * max(alone) / 100.0 * abs(cell.cell.value)
+        shift = abs(common * cell.cell.value) if share * common > 0.0 else 0.0
+        found[k] = replace(cell, deviation=min(cell.deviation, shift + own))
+    return found
 
 
 def _claimed(table: PublishedTable, metric: str) -> Printed | None:

@@ -55,9 +55,11 @@ class LawUse(msgspec.Struct, frozen=True):
 
 
 class ColumnFault(msgspec.Struct, frozen=True):
-    """One fault of whole columns that explains contradicted cells: heads exchanged, or another unit, by a factor."""
+    """One fault of whole columns that explains contradicted cells: heads exchanged, or another unit, by a factor; or two rows
+    exchanged, whose names stand for the columns.
+    """
 
-    kind: Literal["swapped", "unit"]
+    kind: Literal["swapped", "unit", "rows"]
     columns: tuple[str, ...]
     factor: float = 1.0
     unit: str = ""

@@ -16,7 +16,7 @@ from msgspec import Meta
 from winchcascade.core.campaign_file import Load
 from winchcascade.core.errors import WinchcascadeError
 from winchcascade.core.formula import Formula
-from winchcascade.core.quantity import find_unit, same_load, unit_suffix
+from winchcascade.core.quantity import Unit, find_unit, same_load, unit_suffix
 from winchcascade.reduction.efficiency import METRICS, RATIOS
 
 DIMENSIONS = {"energy": "energy", "power": "power", "eta": "number"}
@@ -45,8 +45,14 @@ SHARES = {
 }  # fmt: skip
 """Efficiency that is the share of an energy or a power that arrives at a later stage."""
 
-ENERGY_UNITS = {"J": 1.0, "kJ": 1e3, "MJ": 1e6, "Wh": 3600.0, "kWh": 3.6e6}
-"""Units of an energy by their factor to joules; log files have none, so the common table of units does not hold them."""
+TABLE_UNITS = {
+    "J": (1.0, "energy"), "kJ": (1e3, "energy"), "MJ": (1e6, "energy"), "Wh": (3600.0, "energy"), "kWh": (3.6e6, "energy"),
+    "kg/m": (1.0, "mass per length"), "kg/m2": (1.0, "mass per area"), "kg/m3": (1.0, "density"),
+    "W/m": (1.0, "power per width"), "kW/m": (1e3, "power per width"), "MW/m": (1e6, "power per width"),
+    "W/m2": (1.0, "power per area"), "kW/m2": (1e3, "power per area"),
+}  # fmt: skip
+"""Units that tables have and logs have not, with factor to SI and dimension: a log weighs in kilograms, so that its kg/m is a
+stiffness."""
 
 Text = Annotated[str, Meta(pattern=r"\S")]
 Positive = Annotated[float, Meta(ge=0.0, le=1e15)]
@@ -57,12 +63,28 @@ class TableError(WinchcascadeError):
     """A file with a published table that cannot be used."""
 
 
+def find_table_unit(unit: str) -> Unit | None:
+    """A unit of a table: one of its own, else one that logs have; None for one that is unknown.
+
+    >>> find_table_unit("kg/m³")
+    Unit(dimension='density', factor=1.0, offset=0.0)
+    """
+    plain = unit.translate(_RAISED).replace("^", "").replace(" ", "")
+    if plain in TABLE_UNITS:
+        factor, dimension = TABLE_UNITS[plain]
+        return Unit(dimension, factor)
+    return find_unit(unit)
+
+
+_RAISED = str.maketrans("²³", "23")
+
+
 def unit_of(unit: str) -> tuple[float, str]:
     """Factor of a unit to SI, and its dimension; ValueError for one that is unknown."""
-    found = None if unit in ENERGY_UNITS else find_unit(unit)
-    if found is None and unit not in ENERGY_UNITS:
+    found = find_table_unit(unit)
+    if found is None:
         raise ValueError(f"the unit {unit!r} is unknown; expected one such as W, J, N.m, rpm or 1.")
-    return (ENERGY_UNITS[unit], "energy") if found is None else (found.factor, found.dimension)
+    return found.factor, found.dimension
 
 
 class Span(msgspec.Struct, frozen=True):

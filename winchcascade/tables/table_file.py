@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
 from os.path import isfile  # unlike that of Path no error for a name that no file can have
 from pathlib import Path
@@ -35,6 +35,7 @@ from winchcascade.tables.published_table import (
     TableError,
     TableRow,
     Text,
+    find_table_unit,
     unit_of,
 )
 
@@ -43,8 +44,14 @@ BUILT_IN = ("hsu2026-table2",)
 
 _FOLDER = Path(__file__).parent.parent / "published"
 
-_SHAFT_POWERS = ("power_mech", "power_shaft")
-"""Columns that are torque times speed in a table that has both (P = T omega)."""
+PRESETS = {
+    "power_mech": "torque * speed", "power_shaft": "torque * speed",
+    "capture_width": "power / wave_power", "capture_width_ratio": "capture_width / width",
+    "cp": "power / (0.5 density area flow_speed^3)", "tsr": "speed * radius / flow_speed",
+}  # fmt: skip
+"""Laws of columns of these names in a table that has all that they name: P = T omega; power of a wave-energy converter over
+that of the waves for each metre of crest (IEC TS 62600-100), and over its width; power coefficient and tip-speed ratio of a
+rotor (IEC TS 62600-200)."""
 
 _LOAD = "load_ohm"
 
@@ -199,8 +206,7 @@ def _columns(raw: Mapping[str, Table], where: str, *, by_load: bool) -> dict[str
             raise TableError(f"{place}: {fault}") from None
         if RESULTS_AT.get(measured) == "rotation" and (rotation := read_as(find_unit(given.unit), "rotation")):
             factor, dimension = rotation.factor, rotation.dimension
-        usual = "torque * speed" if name in _SHAFT_POWERS and {"torque", "speed"} <= set(raw) else None
-        law = usual if given.law is None else given.law
+        law = _preset(name, raw) if given.law is None else given.law
         columns[name] = PrintedColumn(
             head=given.name or name,
             unit=given.unit,
@@ -209,7 +215,7 @@ def _columns(raw: Mapping[str, Table], where: str, *, by_load: bool) -> dict[str
             measured=measured,
             decimals=given.decimals,
             digits=given.digits,
-            law=None if law is None else read_formula(law, raw, f"{place}: is = {law!r}", TableError),
+            law=None if law is None else read_formula(law, raw, f"{place}: is = {law!r}", TableError, find_table_unit),
             at_most=1.0 if not by_load and name.startswith(("eta", "power_factor")) else math.inf,
         )
         if by_load or name in ("speed", "torque"):
@@ -217,6 +223,13 @@ def _columns(raw: Mapping[str, Table], where: str, *, by_load: bool) -> dict[str
         if by_load and name == _LOAD and factor != 1.0:
             raise TableError(f"{place}: the unit is {given.unit!r}; expected ohm, as in the rows. It is a resistance.")
     return columns
+
+
+def _preset(name: str, columns: Collection[str]) -> str | None:
+    """Law of a column by its name, None in a table that lacks what it is made of."""
+    law = PRESETS.get(name.casefold())
+    names = set() if law is None else set(re.findall(r"[^\W\d]\w*", law))
+    return law if names <= set(columns) else None
 
 
 def _dimension(measured: str) -> str | None:

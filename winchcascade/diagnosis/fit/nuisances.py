@@ -158,8 +158,15 @@ def _of_the_rig(rig: Rig, scales: Scales, coarse: float) -> list[Nuisance]:
 
 
 def sensor_errors(sensor: Sensor | None) -> tuple[float, float]:
-    """Standard uncertainties of a sensor's gain [1] and zero [SI unit of its channel], as a reduction takes them."""
-    return part_uncertainty(sensor, "gain"), part_uncertainty(sensor, "zero")
+    """Standard uncertainties of a sensor's gain [1] and zero [SI unit of its channel].
+
+    They are those of a reduction, with one addition: a limit in shares of the full scale bounds a reading whatever errs of it,
+    so it allows a gain as well as a zero, and a fit has to distinguish them.
+    """
+    gain, zero = part_uncertainty(sensor, "gain"), part_uncertainty(sensor, "zero")
+    if sensor is not None and sensor.u_zero is None and sensor.u_gain is None and sensor.full_scale:
+        gain = math.hypot(gain, zero / sensor.full_scale)
+    return gain, zero
 
 
 def quantity_of(rig: Rig, section: str, name: str) -> Quantity | None:

@@ -63,7 +63,9 @@ def _by_load(audit: Audit) -> dict[str, Any]:
         },
         "contradictions": [
             *(_contradiction("column", _example(audit, fault.columns)) | {"cells": fault.columns, "line": None,
-              "sentence": fault.sentence, "repairs": []} for fault in audit.faults),
+              "sentence": fault.sentence, "repairs": []} for fault in audit.faults if fault.kind != "rows"),
+            *({"kind": "rows", "rows": fault.columns, "sentence": fault.sentence}
+              for fault in audit.faults if fault.kind == "rows"),
             *(_contradiction("row", item) | load_record(item.row.load) for item in audit.contradictions),
         ],
         "claims": [

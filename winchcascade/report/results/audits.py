@@ -73,7 +73,7 @@ def audit_report(audit: Audit, *, command: str = "") -> Report:
         subtitle=audit.table.source,
         tiles=[
             Tile("Contradictions", "between cells", f"{count}", f"in {len(audit.table.rows)} rows"),
-            Tile("Columns", "with another unit or exchanged heads", f"{len(audit.faults)}", f"of {len(audit.table.columns)}"),
+            Tile("Columns", "with another unit, exchanged heads or rows", f"{len(audit.faults)}"),
             *([Tile("Claims", "contradicted", f"{len(audit.contradicted)}", f"of {len(claims)}")] if claims else []),
             *([] if physics is None else
               [Tile("Efficiencies", "that the rig cannot reach", f"{len(physics.outside)}", f"of {judged}")]),

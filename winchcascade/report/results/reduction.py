@@ -37,6 +37,7 @@ from winchcascade.report.results.reduction_tables import (
 from winchcascade.report.results.waves import wave_section, wave_tiles
 from winchcascade.report.wording import (
     banner,
+    calibration,
     decisive,
     load_words,
     measured_load_words,
@@ -88,7 +89,7 @@ def reduction_report(
                 "uncertainty", "Uncertainty",
                 uncertainty_table(reduction, found), budget_table(reduction, found), folded=True,
             ),
-            provenance(_sources(reduction, found), command),
+            provenance(_sources(reduction), command),
         ],
         banner=banner([run.origin]),
     )  # fmt: skip
@@ -167,6 +168,7 @@ def _accuracy(found: Uncertainty) -> list[Note]:
     unsure = upper("; ".join(not_known(found.budget)))
     return [
         Note(f"Most of it: {parts}." if parts else "", "Variance"),
+        Note(calibration(found.budget), "Calibrate"),
         Note(f"{unsure}." if unsure else "", "Accuracy", "warn" if found.budget.unknown else "plain"),
     ]
 
@@ -212,7 +214,7 @@ def _net_notes(reduction: Reduction) -> list[Note]:
     return [Note(f"{reason}.", "No net energy") for reason in (*reasons[:LISTED_REASONS], *more)]
 
 
-def _sources(reduction: Reduction, found: Uncertainty) -> list[tuple[str, str | None]]:
+def _sources(reduction: Reduction) -> list[tuple[str, str | None]]:
     """Where every number comes from, so that it can be made again."""
     run, rig = reduction.run, reduction.rig
     return [
@@ -224,5 +226,4 @@ def _sources(reduction: Reduction, found: Uncertainty) -> list[tuple[str, str | 
         ("Source of the rig's numbers", rig.source),
         ("SHA-256 of the rig file", fingerprint(rig.path)),
         ("Drum radius", "not published" if rig.r_drum is None else f"{rig.r_drum:g} m"),
-        ("Monte Carlo", f"{found.draws} draws, seed {found.seed}"),
     ]

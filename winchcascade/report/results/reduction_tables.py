@@ -240,7 +240,7 @@ def _stored(store: str, of: Bin) -> float | None:
 def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table[str] | None:
     """What the uncertainty of each mean is made of, and its 95 % intervals; None where neither is known."""
     known, mean = found.budget, reduction.mean
-    given = [m for m in mean if mean[m] is not None and (known.repeatability[m] or m in found.method)]
+    given = [m for m in mean if mean[m] is not None and (known.repeatability[m] or m in known.mean)]
 
     def ends(m: str, *, alone: bool) -> Span | None:
         interval = (found.interval_95_sensors if alone else found.interval_95).get(m)
@@ -256,12 +256,7 @@ def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table[str] | 
         Column("ν", lambda m: math.inf if (known.freedom[m] or 0.0) > 1000.0 else known.freedom[m], decimals=1),
         Column("these cycles alone", lambda m: ends(m, alone=True), own_digits=True),
     ]
-    drawn = ", ".join(m for m, way in found.method.items() if way == "monte_carlo")
-    note = (
-        f"Monte Carlo of {found.draws} draws, seed {found.seed}"
-        f"{f', whose u is stated of {drawn}' if drawn else ', which confirms the budget'}. ν: effective degrees of freedom. "
-        "These cycles alone: without their scatter."
-    ) if found.method else ""  # fmt: skip
+    note = "ν: effective degrees of freedom. These cycles alone: without their scatter." if known.mean else ""
     caption = f"Standard uncertainty u of the means of {len(reduction.complete)} complete cycles."
     return table("uncertainty", caption, columns, given, note=note, brief=False)
 
