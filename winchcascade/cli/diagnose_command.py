@@ -19,7 +19,7 @@ from winchcascade.core.store import CAMPAIGN_PAGE, DIAGNOSIS_FILES, INDEX, locke
 if TYPE_CHECKING:
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
     from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
-    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+    from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
     from winchcascade.report.content import Report
 
 
@@ -111,7 +111,7 @@ def _listed(campaign: Path, simulated: Path | None) -> Campaign:
     return listed if simulated is None else with_simulations(listed, simulated)
 
 
-def _write_files(found: ModelDiagnosis | LineDiagnosis, outputs: Outputs) -> dict[str, str]:
+def _write_files(found: ModelDiagnosis | StageDiagnosis, outputs: Outputs) -> dict[str, str]:
     """Write predictions, corrected rig and exported model as far as they are wanted; what there is none of, with the reason."""
     from winchcascade.batch.campaign_diagnosis import write_corrected_rig, write_predictions
     from winchcascade.diagnosis.model_export import write_export

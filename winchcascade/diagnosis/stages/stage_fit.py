@@ -1,0 +1,341 @@
+"""Fit of the laws of stages: the noise of their powers, and the search for the laws and sensors that explain them.
+
+The residual of a fit is no white noise: losses that vary make it last. It has two parts, that of single rows about the mean of
+a phase of a cycle, and that of this mean, which is the energy of the phase. Weights by the variances of both make generalised
+least squares (random effects: Laird and Ware 1982): energies count by how well they repeat from cycle to cycle. What the rig file
+knows of sensors and stated laws is a nuisance of every fit, within its standard uncertainty.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+from scipy.sparse import csr_array
+
+from winchcascade.diagnosis.causes import posterior_of
+from winchcascade.diagnosis.marginal import Columns, Together, weights
+from winchcascade.diagnosis.search import (
+    Centre,
+    Evidence,
+    Expansion,
+    Fit,
+    Found,
+    expand,
+    fit_set,
+    marginal_about,
+    neighbours,
+    start_of,
+)
+from winchcascade.diagnosis.stages.stage_rows import PARTS_OF_RUN
+from winchcascade.diagnosis.verdict_limits import LAW, RARER
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from winchcascade.core.run import Index, Signal
+    from winchcascade.diagnosis.diagnosis_result import Names
+    from winchcascade.diagnosis.stages.stage_rows import StageData, StageRows
+    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.rig.effects.effect import ActiveEffect
+
+TOGETHER = 2
+"""Blocks that make one row of the fit, about a second: the velocity of single ones is known too badly for the inertia."""
+
+FEW = 4.0
+"""Number of cycles as which the variance within the phases counts in that of the means, where there are few cycles."""
+
+FOLDS = 10
+"""Minimum number of folds: fewer cycles are cut into about as many pieces in order of time."""
+
+QUIET = 1e-8
+"""Minimum variance in mean squares of the power: logs are written with some four digits. [1]"""
+
+ROUNDS = 4
+"""Rounds of fit and residual in which the variances settle."""
+
+DEPENDENT = 1e-10
+"""Share of the largest direction of scaled columns below which a direction is none. [1]"""
+
+EVERY = 8
+"""Number of suspects up to which every set of them is weighed; of more, those that the search finds near the best."""
+
+
+class StageNoise(msgspec.Struct, frozen=True):
+    """Rows of columns, nuisances and gap, `values` (n, k + q + 1) [W]: those about the mean of a phase of a fold, and these
+    means, both times the square root of the number of their blocks.
+
+    `fold`, `kind` (of path and phase) and `of_mean` (n,) are those of each row, `variance` (kinds, 2) is that of the gap [W2].
+    """
+
+    values: Signal
+    fold: Index
+    kind: Index
+    of_mean: Index
+    variance: Signal
+
+    @property
+    def within(self) -> Signal:
+        """Variances if the means scattered no more than single rows do, (kinds, 2). [W2]"""
+        return self.variance[:, [0, 0]]
+
+    def whitened(self, variance: Signal) -> Signal:
+        """The rows in units of a noise by kind, (n, k + q + 1)."""
+        return np.asarray(self.values / np.sqrt(variance[self.kind, self.of_mean])[:, None])
+
+
+def folds_of(cycle: Index) -> Index:
+    """Fold of each row, (m,) from 0: its cycle or, where cycles are few, a piece of it."""
+    own, place, count = np.unique(cycle, return_inverse=True, return_counts=True)
+    pieces = -(-FOLDS // own.size)
+    rank = np.arange(place.size) - np.searchsorted(place, place)
+    found: Index = place * pieces + rank * pieces // count[place]
+    return found
+
+
+def noise_of(rows: StageRows, paths: int) -> StageNoise:
+    """Noise of the gap in the residual of all suspects together, in a few rounds of fit and residual."""
+    values, fold, kind, of_mean = _split(rows, paths)
+    floor = QUIET * np.bincount(rows.kind, rows.given**2 + rows.gap**2, paths * len(PARTS_OF_RUN)) + 1e-300
+    floor /= np.maximum(np.bincount(rows.kind, minlength=floor.size), 1)
+    variance = np.tile(np.maximum(floor / QUIET, 1e-300)[:, None], 2)
+    for _ in range(ROUNDS):
+        weighted = values / np.sqrt(variance[kind, of_mean])[:, None]
+        inverse = independent(weighted[:, :-1])
+        left = values[:, -1] - values[:, :-1] @ (inverse @ (weighted[:, :-1].T @ weighted[:, -1]))
+        leverage = np.sum(weighted[:, :-1] @ inverse * weighted[:, :-1], axis=1)
+        squares, count, fitted = np.zeros((3, *variance.shape))
+        for sums, x in ((squares, left**2), (count, np.ones(kind.size)), (fitted, leverage)):
+            np.add.at(sums, (kind, of_mean), x)
+        free = np.maximum(count[:, 0] - count[:, 1], 1.0)  # each mean is taken from its rows
+        variance[:, 0] = np.maximum(squares[:, 0] / free, floor)
+        means = (squares[:, 1] + FEW * variance[:, 0]) / (count[:, 1] + FEW)
+        alone = squares[:, 1] / np.maximum(count[:, 1] - fitted[:, 1] - 2.0, 1.0)
+        means = np.where(count[:, 0] > count[:, 1], means, alone)  # of single rows none shows the noise within
+        variance[:, 1] = np.maximum(means, variance[:, 0])
+    # no law is exact: what it misses of the gap lasts, and so counts in a mean as often as this has rows
+    missed = LAW**2 * np.bincount(rows.kind, rows.gap**2, floor.size) / np.maximum(np.bincount(rows.kind, minlength=floor.size), 1)
+    folds = np.array([np.unique(fold[(kind == k) & (of_mean == 1)]).size for k in range(floor.size)])
+    lasting = np.bincount(rows.kind, minlength=floor.size) / np.maximum(folds, 1)
+    variance += missed[:, None] * np.column_stack([np.full(floor.size, float(TOGETHER)), lasting])
+    return StageNoise(values, fold, kind, of_mean, variance)
+
+
+def _split(rows: StageRows, paths: int) -> tuple[Signal, Index, Index, Index]:
+    """Values, fold, kind and whether it is a mean of the rows of a fit, as in `StageNoise`, in the order of the folds."""
+
+    def summed(key: Index, x: Signal) -> Signal:
+        return np.array([np.bincount(key, column) for column in x.T]).T
+
+    kinds = paths * len(PARTS_OF_RUN)
+    stretch = folds_of(rows.blocks.cycle) * kinds + rows.kind
+    order = np.argsort(stretch, kind="stable")
+    own, begin, place, size = np.unique(stretch[order], return_index=True, return_inverse=True, return_counts=True)
+    rank = np.arange(order.size) - np.repeat(begin, size)
+    _, first, key = np.unique(place * order.size + rank // TOGETHER, return_index=True, return_inverse=True)
+    count, owner = np.bincount(key).astype(np.float64)[:, None], place[first]
+    row = summed(key, np.column_stack([rows.columns, rows.known, rows.gap])[order]) / count
+    total = summed(owner, count)
+    mean = summed(owner, row * count) / total
+    values = np.vstack([np.sqrt(count) * (row - mean[owner]), np.sqrt(total) * mean])
+    fold, kind = np.divmod(np.concatenate([own[owner], own]), kinds)
+    of_mean = np.repeat([0, 1], [owner.size, own.size])
+    order = np.argsort(fold, kind="stable")
+    return values[order], fold[order], kind[order], of_mean[order]
+
+
+class StageProblem(msgspec.Struct, frozen=True):
+    """Powers of stages as a problem of `search`: whitened columns, nuisances and gap, `rows` (n, k + q + 1) [1], in groups of one
+    fold each, (n,). `rarer` are suspects that the rig file knows better than others.
+    """
+
+    suspects: Suspects
+    rows: Signal
+    groups: Index
+    rarer: frozenset[str] = frozenset()
+
+    @property
+    def begins(self) -> dict[str, tuple[float, ...]]:
+        """None: the problem is nearly linear."""
+        return {}
+
+    @property
+    def exclusive(self) -> tuple[Together, ...]:
+        """None."""
+        return ()
+
+    def price(self, name: str) -> float:
+        """Logarithm of the number of suspects, and more for what the rig file states with its uncertainty [1]."""
+        return math.log(max(len(self.suspects), 2)) + (RARER if name in self.rarer else 0.0)
+
+    @property
+    def nuisances(self) -> int:
+        """Number of what is known within an uncertainty."""
+        return int(self.rows.shape[1]) - len(self.suspects) - 1
+
+    def residuals(self, several: Sequence[Sequence[ActiveEffect]], nu: Signal) -> Signal:
+        """Measured minus predicted coefficients of several sets of effects, (n, sets)."""
+        numbers = [{one.effect.name: one.values[0] for one in effects} for effects in several]
+        coefficients = np.array([coefficients_of(tuple(self.suspects), each) for each in numbers])
+        split = len(self.suspects)
+        left = self.rows[:, -1:] - self.rows[:, split:-1] @ nu[:, None]
+        found: Signal = left - self.rows[:, :split] @ coefficients.reshape(len(several), -1).T
+        return found
+
+    def nuisance_columns(self, _effects: Sequence[ActiveEffect], _nu: Signal) -> Columns:
+        """Those of the rows."""
+        return Columns(self.rows[:, len(self.suspects) : -1], csr_array((len(self.rows), 0)))
+
+
+def coefficients_of(names: Sequence[str], numbers: Mapping[str, float]) -> Signal:
+    """Coefficients of the columns of some suspects, (suspects,), for the numbers of some of them.
+
+    >>> some = "line_drag", "force_gain", "force_zero"
+    >>> coefficients_of(some, {"force_gain": 0.25, "force_zero": 50.0}).round(9).tolist()
+    [0.0, -0.2, 40.0]
+    """
+    made = dict(numbers)
+    for name, number in numbers.items():
+        channel, _, part = name.rpartition("_")
+        if part == "gain":
+            made[name] = 1.0 / (1.0 + number) - 1.0
+        elif part == "zero":
+            made[name] = number / (1.0 + numbers.get(f"{channel}_gain", 0.0))
+    return np.array([made.get(name, 0.0) for name in names])
+
+
+class StageFit(msgspec.Struct, frozen=True):
+    """What a search found for the rows that take part in choice and fit, and the probability of the sets of suspects."""
+
+    data: StageData
+    noise: StageNoise
+    found: Found
+    probability: dict[Names, float]
+
+    def numbers(self, fit: Fit) -> dict[str, float]:
+        """The number of each suspect of a fit."""
+        return dict(zip(fit.names, fit.x.tolist(), strict=True))
+
+    def power(self, rows: StageRows, numbers: dict[str, float]) -> Signal:
+        """What some numbers add to the power that comes out, (m,). [W]"""
+        found: Signal = rows.columns @ coefficients_of(self.data.names, numbers)
+        return found
+
+    def by_number(self, fit: Fit) -> Signal:
+        """Derivative of the coefficients of all suspects over the numbers of a fit, (suspects, k)."""
+        names, numbers = self.data.names, self.numbers(fit)
+        given, made = coefficients_of(names, numbers), []
+        for name, sd in zip(fit.names, fit.free.sd.tolist(), strict=True):
+            step = 1e-6 * sd
+            made.append((coefficients_of(names, {**numbers, name: numbers[name] + step}) - given) / step)
+        return np.array(made).reshape(len(made), len(names)).T
+
+    def covariance(self, fit: Fit) -> Signal:
+        """Covariance of the numbers of a fit, (k, k)."""
+        return posterior_of(self.found, fit).covariance
+
+    def residual(self, fit: Fit) -> Signal:
+        """Measured minus predicted power of the judged rows, (m,) [W].
+
+        Withheld ones by the fit as it is, others by that without their fold, which follows from the quadratic about the fit.
+        """
+        rows, problem, slope = self.data.judged, self.found.problem, self.by_number(fit)
+        left: Signal = rows.gap - self.power(rows, self.numbers(fit)) - rows.known @ fit.nu
+        if self.data.withheld.any() or not (fit.names or fit.nu.size):
+            return left
+        assert isinstance(problem, StageProblem)
+        split, size = len(self.data.names), len(fit.names)
+        design = np.hstack([problem.rows[:, :split] @ slope, problem.rows[:, split:-1]])
+        there = np.hstack([rows.columns @ slope, rows.known])
+        weighted, fold = design * weights(fit.z)[:, None], folds_of(rows.blocks.cycle)
+        whole = weighted.T @ design + np.diag([*fit.free.sd**-2.0, *np.ones(fit.nu.size)])
+        for g in range(int(fold.max()) + 1):
+            own, here = problem.groups == g, fold == g
+            without = whole - weighted[own].T @ design[own]
+            change = -np.linalg.solve(without, weighted[own].T @ fit.z[own])
+            change[:size] = np.clip(fit.x + change[:size], fit.free.minimum, fit.free.maximum) - fit.x
+            left[here] -= there[here] @ change
+        return left
+
+
+def fit_of(data: StageData) -> StageFit:
+    """Search the suspects that explain the rows that take part in choice and fit, and weigh sets of them."""
+    noise = noise_of(data.fitted, len(data.paths))
+    rows = noise.whitened(noise.variance)
+    rows = rows / math.sqrt(_dependence(rows, noise.fold))
+    known = (name for name, one in data.laws.items() if one.stated is not None or one.known)
+    found = linear_search(StageProblem(data.suspects, rows, noise.fold, frozenset(known)))
+    sets = _sets(data.names, found)
+    evidence = np.array([found.expansion.rated(names) for names in sets])
+    odds = np.exp(evidence - evidence.max())
+    return StageFit(data, noise, found, dict(zip(sets, (odds / odds.sum()).tolist(), strict=True)))
+
+
+def linear_search(problem: StageProblem) -> Found:
+    """Find the set with the most evidence of a problem that is nearly linear: in closed form about the fit of all suspects, whose
+    residuals show the noise, and then about the best set itself.
+    """
+    marginal, every = marginal_about(problem, [], np.zeros(problem.nuisances)), tuple(sorted(problem.suspects))
+    null = fit_set(problem, marginal, ())
+    full, expansion = expand(problem, marginal, every, {}, 1.0)
+    expansion = msgspec.structs.replace(expansion, evidence=Evidence(problem, full.scale))
+    fit, best = full, max((_climbed(expansion, begin) for begin in ((), _pruned(expansion, every))), key=expansion.worth)
+    for _ in range(ROUNDS):
+        fit, expansion = expand(problem, marginal, best, start_of(fit), full.scale)
+        fit = fit_set(problem, marginal, best, start_of(fit))
+        further = _climbed(expansion, best)
+        if further == best:
+            break
+        best = further
+    centre = Centre(fit, expansion, marginal)
+    return Found(fit, null, {(): null, fit.names: fit}, expansion, marginal, {fit.names: centre})
+
+
+def _pruned(expansion: Expansion, names: Names) -> Names:
+    """A set without the suspects that its closed form does not need, one after the other."""
+    while names:
+        fewer = max((tuple(n for n in names if n != gone) for gone in names), key=expansion.worth)
+        if expansion.worth(fewer) < expansion.worth(names):
+            return names
+        names = fewer
+    return names
+
+
+def _climbed(expansion: Expansion, names: Names) -> Names:
+    """The best set by the closed form that single steps lead to from another."""
+    while (top := neighbours(expansion, names)[0]) != tuple(sorted(names)):
+        names = top
+    return tuple(sorted(names))
+
+
+def _sets(names: Sequence[str], found: Found) -> list[Names]:
+    """Every set of a few suspects; of many, the sets near the best one and all that were fitted."""
+    if len(names) <= EVERY:
+        return [tuple(sorted(one)) for size in range(len(names) + 1) for one in combinations(names, size)]
+    best = found.best.names
+    near = neighbours(found.expansion, best)
+    return list(dict.fromkeys((best, (), *near, *found.sets())))
+
+
+def independent(columns: Signal) -> Signal:
+    """Inverse of the squares of columns, (k, k) from (n, k), where they may depend on each other and differ in size."""
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    scaled = columns / size
+    inverse: Signal = np.linalg.pinv(scaled.T @ scaled, rcond=DEPENDENT, hermitian=True) / np.outer(size, size)
+    return inverse
+
+
+def _dependence(rows: Signal, fold: Index) -> float:
+    """Number of whitened coefficients for each independent one, at least 1: scores of whole folds against the curvature (the
+    composite likelihood of Pauli, Racugno and Ventura 2011).
+    """
+    columns, gap = rows[:, :-1], rows[:, -1]
+    inverse = independent(columns)
+    scores = np.zeros((int(fold.max()) + 1, columns.shape[1]))
+    np.add.at(scores, fold, columns * (gap - columns @ (inverse @ (columns.T @ gap)))[:, None])
+    spread = float(np.sum(scores @ inverse * scores))
+    count = float(np.trace(inverse @ columns.T @ columns))
+    return max(len(scores) / (len(scores) - 1.0) * spread / count, 1.0)
