@@ -377,9 +377,9 @@ def measures(kind: type[msgspec.Struct]) -> dict[str, Measure]:
 class StatedLaw(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The number of a known law of a stage, in the SI unit of the law, with one standard uncertainty."""
 
-    value: Finite
+    value: Annotated[float, Meta(ge=-1e30, le=1e30)]  # hydraulic numbers are large in SI units
     unit: str
-    u: NotNegative = 0.0
+    u: Annotated[float, Meta(ge=0.0, le=1e30)] = 0.0
     source: str = ""
 
 

@@ -54,8 +54,8 @@ STORES = ("store", "gas")
 TOP = 0.9
 """Quantile of the magnitude of a signal that a zero of its sensor is compared with. [1]"""
 
-GAINS = (-0.5, 1.0)
-"""Bounds of a gain error: a sensor that reads half or twice as much has a wrong unit. [1]"""
+BROKEN = 3.0
+"""Bound of an error of a sensor, as a multiple of its plausible range: beyond it the sensor is broken or has a wrong unit. [1]"""
 
 FAR = 100.0
 """Bound of a number, as a multiple of what would take all power. [1]"""
@@ -317,7 +317,7 @@ def _effect(
     if law.kind in ("gain", "zero"):
         low, high = (known.fields[0].low, known.fields[0].high) if known is not None else law.share
         unit = top if law.kind == "zero" else 1.0
-        possible = (-np.inf, np.inf) if law.kind == "zero" else GAINS
+        possible = BROKEN * unit * low, BROKEN * unit * high
         field = Parameter(law.parameter, law.unit, unit * low, unit * high, possible, share=(low, high))
         display = msgspec.structs.replace(display, what=f"{law.kind} of {one.channel}", signed=True)
         stage, number = "sensor", 0.0

@@ -134,7 +134,7 @@ def _stabilities(fit: StageFit) -> dict[str, Stability]:
     cycles count too: they only show here whether the numbers are the same.
     """
     data, best = fit.data, fit.found.best
-    noise = noise_of(data.rows, len(data.paths))
+    noise = noise_of(data, data.rows)
     rows, slope, split = noise.whitened(noise.within), fit.by_number(best), len(data.names)
     given = rows[:, -1] - rows[:, :split] @ coefficients_of(data.names, fit.numbers(best)) - rows[:, split:-1] @ best.nu
     cycles = np.unique(data.rows.blocks.cycle)

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from winchcascade.diagnosis.causes import posterior_of
-from winchcascade.diagnosis.marginal import Columns, Together, weights
+from winchcascade.diagnosis.marginal import Columns, Marginal, Together, weights
 from winchcascade.diagnosis.search import (
     Centre,
     Evidence,
@@ -27,10 +27,11 @@ from winchcascade.diagnosis.search import (
     expand,
     fit_set,
     marginal_about,
+    minimum_within,
     neighbours,
-    start_of,
 )
 from winchcascade.diagnosis.stages.stage_rows import PARTS_OF_RUN
+from winchcascade.diagnosis.suspects import freedom
 from winchcascade.diagnosis.verdict_limits import LAW, RARER
 
 if TYPE_CHECKING:
@@ -96,25 +97,32 @@ def folds_of(cycle: Index) -> Index:
     return found
 
 
-def noise_of(rows: StageRows, paths: int) -> StageNoise:
-    """Noise of the gap in the residual of all suspects together, in a few rounds of fit and residual."""
+def noise_of(data: StageData, rows: StageRows) -> StageNoise:
+    """Noise of the gap of some rows in the residual of all laws together, in a few rounds of fit and residual.
+
+    Errors of sensors of a power that comes out take no part: with those of the power that goes in they imitate any gap.
+    """
+    paths, plain = len(data.paths), np.concatenate([data.plain, np.ones(rows.known.shape[1], dtype=bool)])
+    precision = np.where(np.arange(plain.size) < len(data.names), 0.0, 1.0)[plain]
     values, fold, kind, of_mean = _split(rows, paths)
+    columns = values[:, :-1][:, plain]
     floor = QUIET * np.bincount(rows.kind, rows.given**2 + rows.gap**2, paths * len(PARTS_OF_RUN)) + 1e-300
     floor /= np.maximum(np.bincount(rows.kind, minlength=floor.size), 1)
     variance = np.tile(np.maximum(floor / QUIET, 1e-300)[:, None], 2)
     for _ in range(ROUNDS):
-        weighted = values / np.sqrt(variance[kind, of_mean])[:, None]
-        inverse = independent(weighted[:, :-1])
-        left = values[:, -1] - values[:, :-1] @ (inverse @ (weighted[:, :-1].T @ weighted[:, -1]))
-        leverage = np.sum(weighted[:, :-1] @ inverse * weighted[:, :-1], axis=1)
+        noise = np.sqrt(variance[kind, of_mean])
+        weighted = columns / noise[:, None]
+        inverse = independent(weighted, precision)
+        left = values[:, -1] - columns @ (inverse @ (weighted.T @ (values[:, -1] / noise)))
+        leverage = np.sum(weighted @ inverse * weighted, axis=1)
         squares, count, fitted = np.zeros((3, *variance.shape))
         for sums, x in ((squares, left**2), (count, np.ones(kind.size)), (fitted, leverage)):
             np.add.at(sums, (kind, of_mean), x)
-        free = np.maximum(count[:, 0] - count[:, 1], 1.0)  # each mean is taken from its rows
+        free = np.maximum(count[:, 0] - 2.0 * count[:, 1], 1.0)  # each half has its own mean
         variance[:, 0] = np.maximum(squares[:, 0] / free, floor)
         means = (squares[:, 1] + FEW * variance[:, 0]) / (count[:, 1] + FEW)
         alone = squares[:, 1] / np.maximum(count[:, 1] - fitted[:, 1] - 2.0, 1.0)
-        means = np.where(count[:, 0] > count[:, 1], means, alone)  # of single rows none shows the noise within
+        means = np.where(count[:, 0] > 2.0 * count[:, 1], means, alone)  # of single rows none shows the noise within
         variance[:, 1] = np.maximum(means, variance[:, 0])
     # no law is exact: what it misses of the gap lasts, and so counts in a mean as often as this has rows
     missed = LAW**2 * np.bincount(rows.kind, rows.gap**2, floor.size) / np.maximum(np.bincount(rows.kind, minlength=floor.size), 1)
@@ -125,7 +133,11 @@ def noise_of(rows: StageRows, paths: int) -> StageNoise:
 
 
 def _split(rows: StageRows, paths: int) -> tuple[Signal, Index, Index, Index]:
-    """Values, fold, kind and whether it is a mean of the rows of a fit, as in `StageNoise`, in the order of the folds."""
+    """Values, fold, kind and whether it is a mean of the rows of a fit, as in `StageNoise`, in the order of the folds.
+
+    Rows about a mean have the gap of one half of the samples beside the columns of the other half: noise of a channel that is in
+    both would otherwise explain itself.
+    """
 
     def summed(key: Index, x: Signal) -> Signal:
         return np.array([np.bincount(key, column) for column in x.T]).T
@@ -137,12 +149,15 @@ def _split(rows: StageRows, paths: int) -> tuple[Signal, Index, Index, Index]:
     rank = np.arange(order.size) - np.repeat(begin, size)
     _, first, key = np.unique(place * order.size + rank // TOGETHER, return_index=True, return_inverse=True)
     count, owner = np.bincount(key).astype(np.float64)[:, None], place[first]
-    row = summed(key, np.column_stack([rows.columns, rows.known, rows.gap])[order]) / count
     total = summed(owner, count)
-    mean = summed(owner, row * count) / total
-    values = np.vstack([np.sqrt(count) * (row - mean[owner]), np.sqrt(total) * mean])
-    fold, kind = np.divmod(np.concatenate([own[owner], own]), kinds)
-    of_mean = np.repeat([0, 1], [owner.size, own.size])
+    about = []
+    for half in (0, 1):
+        row = summed(key, rows.halves[order, half]) / count
+        about.append(np.sqrt(0.5 * count) * (row - (summed(owner, row * count) / total)[owner]))
+    whole = np.column_stack([rows.columns, rows.known, rows.gap])[order]
+    values = np.vstack([*about, summed(place, whole) / np.sqrt(total)])
+    fold, kind = np.divmod(np.concatenate([own[owner], own[owner], own]), kinds)
+    of_mean = np.repeat([0, 1], [2 * owner.size, own.size])
     order = np.argsort(fold, kind="stable")
     return values[order], fold[order], kind[order], of_mean[order]
 
@@ -263,9 +278,9 @@ class StageFit(msgspec.Struct, frozen=True):
 
 def fit_of(data: StageData) -> StageFit:
     """Search the suspects that explain the rows that take part in choice and fit, and weigh sets of them."""
-    noise = noise_of(data.fitted, len(data.paths))
+    noise = noise_of(data, data.fitted)
     rows = noise.whitened(noise.variance)
-    rows = rows / math.sqrt(_dependence(rows, noise.fold))
+    rows = rows / math.sqrt(_dependence(data, rows, noise.fold))
     known = (name for name, one in data.laws.items() if one.stated is not None or one.known)
     found = linear_search(StageProblem(data.suspects, rows, noise.fold, frozenset(known)))
     sets = _sets(data.names, found)
@@ -280,18 +295,27 @@ def linear_search(problem: StageProblem) -> Found:
     """
     marginal, every = marginal_about(problem, [], np.zeros(problem.nuisances)), tuple(sorted(problem.suspects))
     null = fit_set(problem, marginal, ())
-    full, expansion = expand(problem, marginal, every, {}, 1.0)
+    full, expansion = expand(problem, marginal, every, _least_squares(problem, marginal, every), 1.0)
     expansion = msgspec.structs.replace(expansion, evidence=Evidence(problem, full.scale))
-    fit, best = full, max((_climbed(expansion, begin) for begin in ((), _pruned(expansion, every))), key=expansion.worth)
+    best = max((_climbed(expansion, begin) for begin in ((), _pruned(expansion, every))), key=expansion.worth)
     for _ in range(ROUNDS):
-        fit, expansion = expand(problem, marginal, best, start_of(fit), full.scale)
-        fit = fit_set(problem, marginal, best, start_of(fit))
+        fit, expansion = expand(problem, marginal, best, _least_squares(problem, marginal, best), full.scale)
         further = _climbed(expansion, best)
         if further == best:
             break
         best = further
     centre = Centre(fit, expansion, marginal)
     return Found(fit, null, {(): null, fit.names: fit}, expansion, marginal, {fit.names: centre})
+
+
+def _least_squares(problem: StageProblem, marginal: Marginal, names: Names) -> dict[str, Signal]:
+    """Fields of a set by least squares within their bounds, for a robust fit to begin from."""
+    free, own = freedom(*(problem.suspects[name] for name in names)), [*problem.suspects]
+    turned = np.array([-1.0 if name.endswith("_gain") else 1.0 for name in names])  # a gain reads high of what is low
+    columns = marginal(problem.rows[:, [own.index(name) for name in names]] * turned)
+    curve = columns.T @ columns + np.diag(free.sd**-2.0)
+    x = minimum_within(curve, columns.T @ marginal(problem.rows[:, -1]), free.minimum, free.maximum)
+    return {name: x[k : k + 1] for k, name in enumerate(names)}
 
 
 def _pruned(expansion: Expansion, names: Names) -> Names:
@@ -320,22 +344,33 @@ def _sets(names: Sequence[str], found: Found) -> list[Names]:
     return list(dict.fromkeys((best, (), *near, *found.sets())))
 
 
-def independent(columns: Signal) -> Signal:
-    """Inverse of the squares of columns, (k, k) from (n, k), where they may depend on each other and differ in size."""
-    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+def independent(columns: Signal, precision: Signal) -> Signal:
+    """Inverse of the squares of columns, (k, k) from (n, k), where they may depend on each other and differ in size.
+
+    Parameters
+    ----------
+    precision : (k,) of what is known of each coefficient
+    """
+    size = np.sqrt(np.sum(columns**2, axis=0) + precision)
+    size = np.where(size > 0.0, size, 1.0)
     scaled = columns / size
-    inverse: Signal = np.linalg.pinv(scaled.T @ scaled, rcond=DEPENDENT, hermitian=True) / np.outer(size, size)
+    square = scaled.T @ scaled + np.diag(precision / size**2)
+    inverse: Signal = np.linalg.pinv(square, rcond=DEPENDENT, hermitian=True) / np.outer(size, size)
     return inverse
 
 
-def _dependence(rows: Signal, fold: Index) -> float:
+def _dependence(data: StageData, rows: Signal, fold: Index) -> float:
     """Number of whitened coefficients for each independent one, at least 1: scores of whole folds against the curvature (the
     composite likelihood of Pauli, Racugno and Ventura 2011).
     """
-    columns, gap = rows[:, :-1], rows[:, -1]
-    inverse = independent(columns)
-    scores = np.zeros((int(fold.max()) + 1, columns.shape[1]))
-    np.add.at(scores, fold, columns * (gap - columns @ (inverse @ (columns.T @ gap)))[:, None])
-    spread = float(np.sum(scores @ inverse * scores))
-    count = float(np.trace(inverse @ columns.T @ columns))
-    return max(len(scores) / (len(scores) - 1.0) * spread / count, 1.0)
+    plain, gap = np.flatnonzero(data.plain), rows[:, -1]
+    known = np.arange(len(data.names), rows.shape[1] - 1)
+    columns = rows[:, np.concatenate([plain, known])]
+    inverse = independent(columns, np.concatenate([np.zeros(plain.size), np.ones(known.size)]))
+    left = gap - columns @ (inverse @ (columns.T @ gap))
+    own = columns[:, : plain.size]
+    inner = independent(own, np.zeros(plain.size))
+    scores = np.zeros((int(fold.max()) + 1, plain.size))
+    np.add.at(scores, fold, own * left[:, None])
+    spread, count = float(np.sum(scores @ inner * scores)), float(np.trace(inner @ own.T @ own))
+    return max(len(scores) / (len(scores) - 1.0) * spread / max(count, 1.0), 1.0)

@@ -65,7 +65,8 @@ class StageRows(msgspec.Struct, frozen=True):
     number of the cycle within its log, `t` the middle of the block on the clock of the log and `width` the time that it stands
     for [s]. `given` is the power that goes in less the stated laws, and `gap` the power that comes out minus that [W]. `columns`
     (m, suspects) are the powers that one unit of each coefficient adds [W], `known` (m, q) those that one standard uncertainty
-    of what is known of sensors and stated laws adds [W]. `axes` (m, 2) are the signals that a path is mapped over.
+    of what is known of sensors and stated laws adds [W]. `halves` (m, 2, k + q + 1) are columns, known and gap once more: the gap of
+    every other sample with the rest of those between. `axes` (m, 2) are the signals that a path is mapped over.
     """
 
     part: Index
@@ -78,6 +79,7 @@ class StageRows(msgspec.Struct, frozen=True):
     gap: Signal
     columns: Signal
     known: Signal
+    halves: Signal
     axes: Signal
 
     @property
@@ -107,6 +109,12 @@ class StageData(msgspec.Struct, frozen=True):
     def names(self) -> tuple[str, ...]:
         """Names of the suspects, in the order of the columns."""
         return tuple(self.suspects)
+
+    @property
+    def plain(self) -> Mask:
+        """Suspects that are no error of a sensor of a power that comes out, (suspects,)."""
+        outgoing = {name for path in self.paths for power in path.out.powers for name in power.channels}
+        return np.array([one.channel not in outgoing for one in self.laws.values()])
 
     @property
     def withheld(self) -> Mask:
@@ -192,7 +200,9 @@ def stage_data(
     most = (np.array(of_path) / sizes[moving]).tolist()
     tops = {name: _top([run.channels[name] for run in entries.runs]) for name in {law.channel for law in laws.values()} - {""}}
     found = effects_of(laws, chosen, most, tops, suspects)
-    return StageData(chosen, laws, found, axes, tuple(parts), msgspec.structs.replace(rows, columns=rows.columns[:, moving]))
+    kept = np.concatenate([moving, np.ones(rows.known.shape[1] + 1, dtype=bool)])
+    rows = msgspec.structs.replace(rows, columns=rows.columns[:, moving], halves=rows.halves[:, :, kept])
+    return StageData(chosen, laws, found, axes, tuple(parts), rows)
 
 
 def _top(several: Sequence[Signal]) -> float:
@@ -226,6 +236,7 @@ def _rows_of(
     blocks, step = _blocks(run, rig, asked), median(np.diff(run.t))
     tables: list[StageRows] = []
     width = blocks.count * blocks.mean(np.minimum(np.gradient(run.t), 2.0 * step))  # not that of a gap
+    even = np.arange(run.t.size) % 2 == 0
     for k, path in enumerate(paths):
         one = stage_signals(run, rig, path)
         good, minimum = _logged(run, rig, path) & np.isfinite(one.power_in + one.power_out), 0.5
@@ -244,7 +255,12 @@ def _rows_of(
         ends = [one.signals.get(name, np.zeros(run.t.size)) for name in axes[k]]
         known = _known(run, rig, one, laws, k, number)
         signals = [run.t, given, one.power_out - given, *ends, *columns, *known]
-        means = np.array([blocks.mean(np.where(good, x, 0.0)) for x in signals])[:, here] / count[here]
+        means, *halves = (
+            np.array([blocks.mean(np.where(part, x, 0.0)) for x in signals])[:, here]
+            / np.maximum(blocks.mean(part.astype(np.float64))[here], 1e-12)
+            for part in (good, good & even, good & ~even)
+        )
+        beside = [np.vstack([columns_of[5:], gap_of[2:3]]) for gap_of, columns_of in (halves, halves[::-1])]
         kept = Blocks(*(field[here] for field in msgspec.structs.astuple(blocks)))
         own = np.maximum(kept.cycle, 1)  # rest before the first payout belongs to its cycle
         split = 5 + len(columns)
@@ -261,6 +277,7 @@ def _rows_of(
                 axes=means[3:5].T,
                 columns=means[5:split].T,
                 known=means[split:].T,
+                halves=np.stack([half.T for half in beside], axis=1),
             )
         )
     rest = [name for name in StageRows.__struct_fields__ if name != "blocks"]
