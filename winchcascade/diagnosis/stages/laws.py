@@ -24,7 +24,7 @@ from winchcascade.rig.effects.effect import Display, Effect, Law, Parameter, Val
 from winchcascade.rig.physics import REST
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from winchcascade.core.cascade import Power, Stage
     from winchcascade.core.rig_file import Rig
@@ -212,7 +212,7 @@ def _by_channel(power: Power, name: str, run: Run, radius: float | None) -> tupl
 
 # ----------------------------------------------------------------------------------------------------------- the suspects
 def suspected_laws(
-    each: Sequence[StageSignals], paths: Sequence[StagePath], rig: Rig, suspects: Suspects, over: Iterable[str] = ()
+    each: Sequence[StageSignals], paths: Sequence[StagePath], rig: Rig, suspects: Suspects, over: Collection[str] = ()
 ) -> Suspecteds:
     """Laws that may act on some paths, by the names of the suspects.
 
@@ -230,12 +230,13 @@ def suspected_laws(
     found: Suspecteds = {}
     several: list[tuple[str, Suspected]] = []
     for k, (path, one) in enumerate(zip(paths, each, strict=True)):
-        stated = _stated(path, one, rig)
+        stated, signals = _stated(path, one, rig), set(one.signals)
+        signals &= {*over, "power_in", "drive"} if over else signals
         for name in dict.fromkeys((*allowed, *stated)):
             law = LAWS[name]
             if law.kind in STORES and rig.phases.source == "rows":  # rows of a table are no course of time
                 continue
-            if _acts(law, one.signals) and (not over or set(law.over) <= {*over, "power_in"} or name in stated):
+            if _acts(law, signals) or name in stated:
                 several.append((name, Suspected(law, k, stated=stated.get(name))))
     names = [name for name, _ in several]
     for name, one_law in several:
@@ -262,9 +263,9 @@ def sensor_suspect(channel: str, part: str) -> str:
     return next(known, f"{channel}_{part}")
 
 
-def _acts(law: Law, signals: Mapping[str, Signal]) -> bool:
+def _acts(law: Law, signals: Collection[str]) -> bool:
     needed = {*law.over, *([law.needs] if law.needs else [])}
-    return law.kind not in ("gain", "zero") and needed <= signals.keys() and law.without not in signals
+    return law.kind not in ("gain", "zero") and needed <= {*signals} and law.without not in signals
 
 
 def _stated(path: StagePath, one: StageSignals, rig: Rig) -> dict[str, StatedLaw]:

@@ -61,7 +61,7 @@ ROUNDS = 4
 DEPENDENT = 1e-10
 """Share of the largest direction of scaled columns below which a direction is none. [1]"""
 
-EVERY = 8
+EVERY = 10
 """Number of suspects up to which every set of them is weighed; of more, those that the search finds near the best."""
 
 
@@ -306,6 +306,19 @@ def linear_search(problem: StageProblem) -> Found:
         best = further
     centre = Centre(fit, expansion, marginal)
     return Found(fit, null, {(): null, fit.names: fit}, expansion, marginal, {fit.names: centre})
+
+
+def most_probable(fit: StageFit) -> StageFit:
+    """The fit of the most probable set: for a prediction no law needs clearly more evidence than another."""
+    found, names = fit.found, max(fit.probability, key=lambda names: fit.probability[names])
+    if names == found.best.names:
+        return fit
+    problem = found.problem
+    assert isinstance(problem, StageProblem)
+    begin = _least_squares(problem, found.marginal, names)
+    best, expansion = expand(problem, found.marginal, names, begin, found.scale)
+    found.fits[names] = best
+    return msgspec.structs.replace(fit, found=msgspec.structs.replace(found, best=best, expansion=expansion))
 
 
 def _least_squares(problem: StageProblem, marginal: Marginal, names: Names) -> dict[str, Signal]:

@@ -10,6 +10,7 @@ import numpy as np
 from winchcascade.core.accuracy import error_sources
 from winchcascade.core.errors import CampaignError, LogError, OptionError
 from winchcascade.core.integrate import median
+from winchcascade.core.log_thresholds import with_thresholds
 from winchcascade.core.run import CLOCK, Index, Mask, Run, Signal
 from winchcascade.core.scales import motion_of_runs
 from winchcascade.diagnosis.block_means import MIN_SAMPLES, PHASES, Blocks, blocks_of, in_a_row
@@ -155,6 +156,7 @@ def stage_data(
     OptionError : no suspect acts between two stages
     RigError : the rig file states a law that the stage has not
     """
+    rig = with_thresholds(rig, entries.runs)
     chosen = tuple(paths) or paths_of(entries.runs, rig)
     first = [stage_signals(entries.runs[0], rig, path) for path in chosen]
     axes = tuple(next((pair for pair in AXES if {*pair} <= one.signals.keys()), ("", "")) for one in first)
