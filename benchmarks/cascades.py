@@ -83,14 +83,18 @@ def drawn(rng: np.random.Generator, hidden: int) -> tuple[dict[str, np.ndarray],
                 else:
                     size = np.prod([tops.get(s, float(np.max(np.abs(signals[s])))) ** n for s, n in over.items()])
                     number = numbers[out].get(name, share * power / size)
-                    lost += number * np.prod([np.abs(signals[s]) ** n for s, n in over.items()] + [np.ones(t.size)], axis=0)
+                    lost += number * np.prod(
+                        [np.abs(signals[s]) ** n for s, n in over.items()] + [np.ones(t.size)], axis=0
+                    )
                 numbers[out][name] = float(number)
             outgoing = flowing - lost
         made[out] = end
     truth = {name: (out, numbers[out][name]) for out, name in chosen}
     log = {"time": t}
     text = f'name = "cascade"\n[cascade]\nstages = {list(chain)!r}\n[phases]\nfrom = "whole"\n'.replace("'", '"')
-    text += "[thresholds]\nsmoothing = 0.6\nv_onset = 0.01\ngap_max = 5.0\nstroke_min = 0.1\nplateau_hold=0.3\nsettle=0.3\n"
+    text += (
+        "[thresholds]\nsmoothing = 0.6\nv_onset = 0.01\ngap_max = 5.0\nstroke_min = 0.1\nplateau_hold=0.3\nsettle=0.3\n"
+    )
     for end in chain:
         if end in ("bus", "cell"):
             text += f'[stage.{end}]\npower = "v_{end} * i_{end}"\n[channels]\nv_{end}.unit = "V"\ni_{end}.unit = "A"\n'
@@ -103,7 +107,9 @@ def drawn(rng: np.random.Generator, hidden: int) -> tuple[dict[str, np.ndarray],
             log[name] = x + rng.normal(0.0, 1e-3 * size, x.size)
             unit = UNITS.get(name, "V" if name.startswith("v") else "A")
             text += f'[sensors.{name}]\nunit = "{unit}"\nu_gain = {gain}\nu_zero = {zero}\n'
-            text += f'[columns.{name}]\nname = "{name}"\nunit = "{unit}"\n' + ('side = "shaft"\n' if name == "speed" else "")
+            text += f'[columns.{name}]\nname = "{name}"\nunit = "{unit}"\n' + (
+                'side = "shaft"\n' if name == "speed" else ""
+            )
     for out, own in numbers.items():
         for name, number in own.items():
             if (out, name) in chosen:

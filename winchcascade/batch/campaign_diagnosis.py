@@ -17,9 +17,9 @@ from winchcascade.core.quantity import UNITS
 from winchcascade.core.rig_toml import first_named
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_numbers
 from winchcascade.diagnosis.diagnosis_result import Entries
-from winchcascade.diagnosis.stages.diagnose_stages import StageClosure, StageDiagnosis, diagnose_stages
 from winchcascade.diagnosis.own_simulation import beside_own_simulation, on_the_logs
 from winchcascade.diagnosis.rig_text import corrected_rig, corrected_rig_text
+from winchcascade.diagnosis.stages.diagnose_stages import StageClosure, StageDiagnosis, diagnose_stages
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.report.results.diagnosis_record import as_json

@@ -85,9 +85,7 @@ def batch_command(
     raise typer.Exit(1 if batch.faults else 0)
 
 
-def _present_loss_map(
-    plan: Plan, batch: Batch, products: Products, path: Path, *, force: bool
-) -> None:
+def _present_loss_map(plan: Plan, batch: Batch, products: Products, path: Path, *, force: bool) -> None:
     """Write the loss map of a campaign with its reports into the folder of the batch, and print it."""
     from winchcascade.batch.campaign_loss_map import campaign_loss_map
     from winchcascade.batch.results_pages import write_index

@@ -15,8 +15,8 @@ from winchcascade.core.matlab_file import matlab_bytes
 from winchcascade.core.rig_file import NUMBERS_OF, Restoring, Rig, measures
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.diagnosis.rig_text import corrected_rig
+from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.rig.baseline import baseline, stated_effects
 from winchcascade.rig.parts import PARTS, ROLLOFF_KNOTS, Model, number_of, numbers_of, path_in_rig, rolloff_curve
 from winchcascade.rig.physics import RPM

@@ -19,8 +19,8 @@ from winchcascade.diagnosis.misfit import log_of
 from winchcascade.diagnosis.nuisances import LOAD
 from winchcascade.diagnosis.planning import usual
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.diagnosis.stages.stage_map import convex_hull
+from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.rig.effects.catalogue import EFFECTS, SHARED_RADIUS
 from winchcascade.rig.effects.effect import ActiveEffect, Parameter
 from winchcascade.rig.effects.run_order import lasting_heat

@@ -18,8 +18,8 @@ from winchcascade.diagnosis.diagnosis_result import (
     Spot,
 )
 from winchcascade.diagnosis.entries import effect_name
-from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.diagnosis.nuisances import Nuisance
+from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.report.content import number_text, places
 from winchcascade.report.glossary import CHANNELS, PHASES, STAGE_PLACES
 from winchcascade.report.wording import load_words

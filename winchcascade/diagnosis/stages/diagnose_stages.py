@@ -199,7 +199,7 @@ def _closure(fit: StageFit, seed: int) -> StageClosure:
     for number, path in enumerate(data.paths):
         here = rows.path == number
         noise = [
-            _noise(rows.some(own), after[own]) ** 2 * own.size / max(np.count_nonzero(here), 1)
+            _noise(rows.some(own), after[own]) ** 2 * own.size / max(int(np.count_nonzero(here)), 1)
             for p, _, own in _kinds(rows)
             if p == number
         ]
@@ -211,10 +211,10 @@ def _closure(fit: StageFit, seed: int) -> StageClosure:
 def _remainder(fit: StageFit, closure: StageClosure, energies: tuple[Alarm, ...]) -> Remainder:
     """Distinguish the residual from noise: energies that are not explained, and phases in which it has a smooth course."""
     data, rows, after, alarms = fit.data, closure.rows, closure.after, list(energies)
-    largest, worst = -1.0, None
+    noisiest: dict[float, Spot] = {}
     for path, phase, here in _kinds(rows):
         spot, squares = Spot(data.paths[path].channel, PARTS_OF_RUN[phase]), float(np.sum(after[here] ** 2))
-        worst, largest = (spot, squares) if squares > largest else (worst, largest)
+        noisiest[squares] = spot
         noise = _noise(rows.some(here), after[here])
         ratio = math.sqrt(squares / here.size) / noise if noise > 0.0 else 0.0
         if ratio > ROUGH and squares - here.size * noise**2 > PART_OF_GAP * float(np.sum(rows.gap**2)):
@@ -222,7 +222,7 @@ def _remainder(fit: StageFit, closure: StageClosure, energies: tuple[Alarm, ...]
     return Remainder(
         share=max(1.0 - closure.share, 0.0),
         alarms=tuple(sorted(alarms, key=lambda alarm: -alarm.size / alarm.limit)),
-        worst=energies[0].about if energies else worst,
+        worst=energies[0].about if energies else noisiest[max(noisiest)],
     )
 
 

@@ -17,10 +17,10 @@ import numpy as np
 
 from winchcascade.core.accuracy import Part, part_uncertainty
 from winchcascade.core.errors import LogError, RigError
-from winchcascade.core.quantity import ATMOSPHERE
+from winchcascade.core.quantity import ATMOSPHERE, si_unit
 from winchcascade.core.rig_file import StatedLaw
 from winchcascade.rig.effects.catalogue import EFFECTS, LAWS
-from winchcascade.rig.effects.effect import Display, Effect, Law, Parameter, Values
+from winchcascade.rig.effects.effect import Display, Effect, Parameter, StageLaw, Values
 from winchcascade.rig.physics import REST
 
 if TYPE_CHECKING:
@@ -36,7 +36,17 @@ SIGNALS = {"rotation": "speed"} | {
 }
 """Signals that laws are made of, by the dimension of the channels that they follow from."""
 
-MOTIONS = {"velocity": 1, "speed": 1, "flow": 1, "voltage": 1, "displacement": 1, "force": 0, "torque": 0, "current": 0, "pressure": 0}
+MOTIONS = {
+    "velocity": 1,
+    "speed": 1,
+    "flow": 1,
+    "voltage": 1,
+    "displacement": 1,
+    "force": 0,
+    "torque": 0,
+    "current": 0,
+    "pressure": 0,
+}
 """Signals that grow with the motion of a stage (1), and with its load (0), as in a machine with magnets or with pistons."""
 
 AXES = (("velocity", "force"), ("speed", "torque"), ("flow", "pressure"), ("voltage", "current"))
@@ -90,7 +100,7 @@ class Suspected(msgspec.Struct, frozen=True):
     `stated` is what the rig file states of a law; of a sensor it is `known` where it states an uncertainty.
     """
 
-    law: Law
+    law: StageLaw
     path: int = -1
     channel: str = ""
     stated: StatedLaw | None = None
@@ -113,7 +123,7 @@ class StageSignals(msgspec.Struct, frozen=True):
     gains: dict[str, Signal]
     zeros: dict[str, Signal]
 
-    def column(self, law: Law, channel: str = "") -> Signal:
+    def column(self, law: StageLaw, channel: str = "") -> Signal:
         """What one unit of the number of a law adds to power out minus power in, (n,). [W]"""
         if law.kind == "gain":
             return self.gains.get(channel, np.zeros(self.t.size))
@@ -121,9 +131,9 @@ class StageSignals(msgspec.Struct, frozen=True):
             return self.zeros.get(channel, np.zeros(self.t.size))
         if law.kind == "loss":
             sized = [_sized(self.signals[name], power) for name, power in law.over.items()]
-            return -np.prod([np.ones(self.t.size), *sized], axis=0)
+            return np.asarray(-np.prod([np.ones(self.t.size), *sized], axis=0))
         if law.kind == "exchange":
-            return -np.prod([self.signals[name] ** power for name, power in law.over.items()], axis=0)
+            return np.asarray(-np.prod([self.signals[name] ** power for name, power in law.over.items()], axis=0))
         x = next(self.signals[name] for name in law.over)
         absolute = np.maximum(x + ATMOSPHERE, 1.0)
         stored = 0.5 * x**2 if law.kind == "store" else np.log(absolute) + ATMOSPHERE / absolute
@@ -249,7 +259,8 @@ def suspected_laws(
             if name in suspects or (name not in EFFECTS and part in allowed):
                 sensor = rig.sensors.get(channel)
                 known = sensor is not None and part_uncertainty(sensor, part) > 0.0
-                found[name] = Suspected(LAWS[part], channel=channel, known=known)
+                unit = si_unit(rig.known_channels[channel].dimension) if part == "zero" else LAWS[part].unit
+                found[name] = Suspected(msgspec.structs.replace(LAWS[part], unit=unit), channel=channel, known=known)
     return found
 
 
@@ -263,7 +274,7 @@ def sensor_suspect(channel: str, part: str) -> str:
     return next(known, f"{channel}_{part}")
 
 
-def _acts(law: Law, signals: Collection[str]) -> bool:
+def _acts(law: StageLaw, signals: Collection[str]) -> bool:
     needed = {*law.over, *([law.needs] if law.needs else [])}
     return law.kind not in ("gain", "zero") and needed <= {*signals} and law.without not in signals
 
@@ -293,7 +304,7 @@ def _stated(path: StagePath, one: StageSignals, rig: Rig) -> dict[str, StatedLaw
 
 
 def effects_of(
-    laws: Suspecteds, paths: Sequence[StagePath], most: Sequence[float], tops: Mapping[str, float], suspects: Suspects
+    laws: Suspecteds, paths: Sequence[StagePath], most: Sequence[float], tops: Mapping[str, float]
 ) -> dict[str, Effect]:
     """The suspects with the number of each.
 
@@ -304,44 +315,30 @@ def effects_of(
     most : number of each law that takes all power
     tops : top reading of each channel
     """
-    return {
-        name: _effect(name, one, paths, size, tops.get(one.channel, 0.0), suspects)
-        for (name, one), size in zip(laws.items(), most, strict=True)
-    }
+    several = zip(laws.items(), most, strict=True)
+    return {name: _effect(name, one, paths, size, tops.get(one.channel, 0.0)) for (name, one), size in several}
 
 
-def _effect(
-    name: str, one: Suspected, paths: Sequence[StagePath], most: float, top: float, suspects: Suspects
-) -> Effect:
-    law, known = one.law, suspects.get(name.partition("(")[0])
+def _effect(name: str, one: Suspected, paths: Sequence[StagePath], most: float, top: float) -> Effect:
+    law, known, number = one.law, EFFECTS.get(name.partition("(")[0]), 0.0 if one.stated is None else one.stated.value
+    low, high, least, stage = -min(number, most), most, -number, "sensor"
     display = Display(law.what, law.factor, "%" if law.factor == 100.0 else law.unit.replace(".", "·"), signed=False)
-    if law.kind in ("gain", "zero"):
-        low, high = (known.fields[0].low, known.fields[0].high) if known is not None else law.share
-        unit = top if law.kind == "zero" else 1.0
-        possible = BROKEN * unit * low, BROKEN * unit * high
-        field = Parameter(law.parameter, law.unit, unit * low, unit * high, possible, share=(low, high))
+    if one.channel:
+        low, high = ((top if law.kind == "zero" else 1.0) * end for end in law.share)
+        least, far = BROKEN * low, BROKEN * high
         display = msgspec.structs.replace(display, what=f"{law.kind} of {one.channel}", signed=True)
-        stage, number = "sensor", 0.0
     else:
-        number = 0.0 if one.stated is None else one.stated.value
-        field = Parameter(law.parameter, law.unit, -min(number, most), most, (-number, FAR * most))
-        stage = paths[one.path].place
-    total = partial(_total, number) if number else None
-    if known is not None:
-        own = {"name": name, "fields": (field,), "parameter": field.name, "law": None, "reported_from": total}
-        if law.kind not in ("gain", "zero"):
-            own |= {"unit": law.unit, "display": display}
-        return msgspec.structs.replace(known, **own)
+        stage, far = paths[one.path].place, FAR * most
     return Effect(
         name=name,
-        label=f"{law.label} of {one.channel}" if one.channel else law.label,
+        label=f"{law.label} of {one.channel}" if known is None and one.channel else (known or law).label,
         stage=stage,
-        summary=law.summary,
+        summary=(known or law).summary,
         shows_as=f"power over {', '.join(law.over) or 'time'}",
-        fields=(field,),
-        display=display,
+        fields=(Parameter(law.parameter, law.unit, low, high, (least, far)),),
+        display=display if known is None or not one.channel else known.display,
         unit=law.unit,
-        reported_from=total,
+        reported_from=partial(_total, number) if number else None,
     )
 
 

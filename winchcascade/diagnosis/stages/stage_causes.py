@@ -8,7 +8,6 @@ import math
 from itertools import product
 from typing import TYPE_CHECKING
 
-import msgspec
 import numpy as np
 
 from winchcascade.diagnosis.causes import COVERED, parameters_of, posterior_of, swap
@@ -31,7 +30,7 @@ from winchcascade.diagnosis.verdict_limits import AS_GOOD, LAW, OPEN
 
 if TYPE_CHECKING:
     from winchcascade.diagnosis.search import Fit
-    from winchcascade.rig.effects.effect import Law
+    from winchcascade.rig.effects.effect import StageLaw
 
 MATERIAL = 0.01
 """Share of the power of the winch, root mean squares, that a cause must take to be named: in logs of an hour far smaller ones
@@ -86,20 +85,18 @@ def share_with(fit: StageFit, name: str) -> float:
 def is_material(fit: StageFit, cause: str) -> bool:
     """Whether the power that a cause takes is a share of that of its stages that matters."""
     rows, number = fit.data.fitted, fit.numbers(fit.found.best)[cause]
-    power = fit.power(rows, {cause: number})
-    acting = [power[rows.path == p] for p in range(len(fit.data.paths))]
-    flowing = [(rows.gap + rows.given)[rows.path == p] for p in range(len(fit.data.paths))]
-    return any(
-        np.linalg.norm(own) >= MATERIAL * max(np.linalg.norm(whole), 1e-300)
-        for own, whole in zip(acting, flowing, strict=True)
-    )
+    powers = fit.power(rows, {cause: number}), rows.gap + rows.given
+    taken, flowing = (np.bincount(rows.path, x**2) for x in powers)
+    return bool(np.any((taken > 0.0) & (taken >= MATERIAL**2 * flowing)))
 
 
 def is_steady(cause: NamedCause) -> bool:
     """Whether the number of a cause is plausible, and about the same in every cycle."""
     number = next(iter(cause.parameters.values()))
     changes = [abs(trend.change) for trend in (cause.stability.trends if cause.stability else ())]
-    return not (number.beyond_range or number.at_limit) and max(changes, default=0.0) <= UNSTEADY_SHARE * abs(number.value)
+    return not (number.beyond_range or number.at_limit) and max(changes, default=0.0) <= UNSTEADY_SHARE * abs(
+        number.value
+    )
 
 
 def _look_alikes(fit: StageFit, name: str) -> tuple[Alternative, ...]:
@@ -186,17 +183,14 @@ def _significance(fit: StageFit, other: Fit, motion: float, load: float) -> floa
     """
     best, data = fit.found.best, fit.data
     factors = np.array([_factor(one.law, one.channel, motion, load) for one in data.laws.values()])
-    problem = fit.found.problem
-    columns = problem.rows[:, : factors.size] * factors
-    z = columns @ (
-        coefficients_of(data.names, fit.numbers(best)) - coefficients_of(data.names, fit.numbers(other))
-    )
+    columns = fit.rows[:, : factors.size] * factors
+    z = columns @ (coefficients_of(data.names, fit.numbers(best)) - coefficients_of(data.names, fit.numbers(other)))
     j = columns @ fit.by_number(other)
     pull, precision = j.T @ z, np.linalg.pinv(fit.covariance(other), hermitian=True)
     return math.sqrt(max(float(z @ z - pull @ np.linalg.pinv(j.T @ j + precision, hermitian=True) @ pull), 0.0))
 
 
-def _factor(law: Law, channel: str, motion: float, load: float) -> float:
+def _factor(law: StageLaw, channel: str, motion: float, load: float) -> float:
     """Multiple of the power of a law where motion and load are multiples of those of the campaign."""
     if law.kind == "gain":
         return motion * load

@@ -125,7 +125,11 @@ def noise_of(data: StageData, rows: StageRows) -> StageNoise:
         means = np.where(count[:, 0] > 2.0 * count[:, 1], means, alone)  # of single rows none shows the noise within
         variance[:, 1] = np.maximum(means, variance[:, 0])
     # no law is exact: what it misses of the gap lasts, and so counts in a mean as often as this has rows
-    missed = LAW**2 * np.bincount(rows.kind, rows.gap**2, floor.size) / np.maximum(np.bincount(rows.kind, minlength=floor.size), 1)
+    missed = (
+        LAW**2
+        * np.bincount(rows.kind, rows.gap**2, floor.size)
+        / np.maximum(np.bincount(rows.kind, minlength=floor.size), 1)
+    )
     folds = np.array([np.unique(fold[(kind == k) & (of_mean == 1)]).size for k in range(floor.size)])
     lasting = np.bincount(rows.kind, minlength=floor.size) / np.maximum(folds, 1)
     variance += missed[:, None] * np.column_stack([np.full(floor.size, float(TOGETHER)), lasting])
@@ -223,10 +227,11 @@ def coefficients_of(names: Sequence[str], numbers: Mapping[str, float]) -> Signa
 
 
 class StageFit(msgspec.Struct, frozen=True):
-    """What a search found for the rows that take part in choice and fit, and the probability of the sets of suspects."""
+    """What a search found for the whitened `rows` that take part in choice and fit, and the probability of the sets."""
 
     data: StageData
     noise: StageNoise
+    rows: Signal
     found: Found
     probability: dict[Names, float]
 
@@ -257,18 +262,17 @@ class StageFit(msgspec.Struct, frozen=True):
 
         Withheld ones by the fit as it is, others by that without their fold, which follows from the quadratic about the fit.
         """
-        rows, problem, slope = self.data.judged, self.found.problem, self.by_number(fit)
+        rows, slope, groups = self.data.judged, self.by_number(fit), self.found.problem.groups
         left: Signal = rows.gap - self.power(rows, self.numbers(fit)) - rows.known @ fit.nu
         if self.data.withheld.any() or not (fit.names or fit.nu.size):
             return left
-        assert isinstance(problem, StageProblem)
         split, size = len(self.data.names), len(fit.names)
-        design = np.hstack([problem.rows[:, :split] @ slope, problem.rows[:, split:-1]])
+        design = np.hstack([self.rows[:, :split] @ slope, self.rows[:, split:-1]])
         there = np.hstack([rows.columns @ slope, rows.known])
         weighted, fold = design * weights(fit.z)[:, None], folds_of(rows.blocks.cycle)
         whole = weighted.T @ design + np.diag([*fit.free.sd**-2.0, *np.ones(fit.nu.size)])
         for g in range(int(fold.max()) + 1):
-            own, here = problem.groups == g, fold == g
+            own, here = groups == g, fold == g
             without = whole - weighted[own].T @ design[own]
             change = -np.linalg.solve(without, weighted[own].T @ fit.z[own])
             change[:size] = np.clip(fit.x + change[:size], fit.free.minimum, fit.free.maximum) - fit.x
@@ -286,7 +290,7 @@ def fit_of(data: StageData) -> StageFit:
     sets = _sets(data.names, found)
     evidence = np.array([found.expansion.rated(names) for names in sets])
     odds = np.exp(evidence - evidence.max())
-    return StageFit(data, noise, found, dict(zip(sets, (odds / odds.sum()).tolist(), strict=True)))
+    return StageFit(data, noise, rows, found, dict(zip(sets, (odds / odds.sum()).tolist(), strict=True)))
 
 
 def linear_search(problem: StageProblem) -> Found:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.core.errors import RigError
+from winchcascade.core.errors import LogError, RigError
 from winchcascade.core.run import Mask, Signal
 from winchcascade.diagnosis.causes import parameters_of, posterior_of
 from winchcascade.diagnosis.diagnosis_result import Entries, Reported
@@ -95,7 +95,9 @@ def mapped_path(runs: Sequence[Run], rig: Rig) -> StagePath:
     LogError : two powers are not there
     """
     paths = paths_of(runs, rig)
-    shaft = [path for path in paths if "mech" in (path.into.name, path.out.name) and path.into.name not in ("line", "hyd")]
+    shaft = [
+        path for path in paths if "mech" in (path.into.name, path.out.name) and path.into.name not in ("line", "hyd")
+    ]
     return (shaft or list(paths))[0]
 
 
@@ -119,6 +121,10 @@ def make_loss_map(runs: Sequence[Run], rig: Rig) -> LossMap:
     turned = np.where(rows.axes[:, 0] < 0.0, -1.0, 1.0)  # what turns the other way loses as much
     places = rows.axes * turned[:, None]
     moves = rows.axes[:, 0] != 0.0
+    if not moves.any():
+        raise LogError(
+            f"{runs[0].name}: no operating point for a loss map, as {data.axes[0][0]} is 0 throughout; expected a stage at work."
+        )
     motion, load = (np.linspace(float(x.min()), float(x.max()), BREAKPOINTS) for x in places[moves].T)
     grid = np.stack(np.meshgrid(motion, load), axis=-1)
     loss, slopes = _surface(fit, path, grid)

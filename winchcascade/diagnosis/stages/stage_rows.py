@@ -191,7 +191,9 @@ def stage_data(
     sizes = np.linalg.norm(fitted.columns, axis=0)
     line = [one.law.kind in ("loss", "zero", "gain") and chosen[0].into.name == "line" for one in laws.values()]
     if not np.all(power) or np.any(sizes[line] == 0.0):
-        what = "line speed, line tension or mechanical power" if chosen[0].into.name == "line" else "a power or its signal"
+        what = (
+            "line speed, line tension or mechanical power" if chosen[0].into.name == "line" else "a power or its signal"
+        )
         raise LogError(
             f"{parts[0].run.name}: {what} is 0 throughout the cycles of the fit; a diagnosis needs a rig at work, so choose "
             "other cycles or check the columns."
@@ -200,8 +202,11 @@ def stage_data(
     laws = {name: one for (name, one), moves in zip(laws.items(), moving, strict=True) if moves}
     of_path = [float(power[max(one.path, 0)]) for one in laws.values()]
     most = (np.array(of_path) / sizes[moving]).tolist()
-    tops = {name: _top([run.channels[name] for run in entries.runs]) for name in {law.channel for law in laws.values()} - {""}}
-    found = effects_of(laws, chosen, most, tops, suspects)
+    tops = {
+        name: _top([run.channels[name] for run in entries.runs])
+        for name in {law.channel for law in laws.values()} - {""}
+    }
+    found = effects_of(laws, chosen, most, tops)
     kept = np.concatenate([moving, np.ones(rows.known.shape[1] + 1, dtype=bool)])
     rows = msgspec.structs.replace(rows, columns=rows.columns[:, moving], halves=rows.halves[:, :, kept])
     return StageData(chosen, laws, found, axes, tuple(parts), rows)
@@ -299,17 +304,13 @@ def _logged(run: Run, rig: Rig, path: StagePath) -> Mask:
     return logged
 
 
-def _known(
-    run: Run, rig: Rig, one: StageSignals, laws: Suspecteds, path: int, number: tuple[int, int]
-) -> list[Signal]:
+def _known(run: Run, rig: Rig, one: StageSignals, laws: Suspecteds, path: int, number: tuple[int, int]) -> list[Signal]:
     """What one standard uncertainty adds to power out minus power in, (n,) each: of the stated laws and of the gains of the
     sensors, which all logs share, and of the zeros of the sensors, which each log has of its own. [W]
     """
     none = np.zeros(run.t.size)
-    made: list[Signal] = []
-    for law in laws.values():
-        if law.stated is not None and law.stated.u:
-            made.append(law.stated.u * one.column(law.law) if law.path == path else none)
+    stated = [(law, law.stated.u) for law in laws.values() if law.stated is not None and law.stated.u]
+    made = [u * one.column(law.law) if law.path == path else none for law, u in stated]
     for channel, sensor in rig.sensors.items():
         for source in error_sources(channel, sensor):
             columns = one.gains if source.part == "gain" else one.zeros

@@ -50,7 +50,9 @@ def cuts_figure(found: LossMap, labels: tuple[str, str]) -> Figure:
         ax.plot(found.motion, loss, color=COLOURS["gen"], lw=1.3)
         near = np.flatnonzero(np.abs(found.points[:, 1] - found.load[row]) <= NEAR * abs(top))
         rows = np.array(evenly(range(near.size), DOTS), dtype=np.intp)
-        ax.plot(found.points[near[rows], 0], found.lost[near[rows]], "o", ms=2.2, mew=0.4, mfc="none", mec=COLOURS["ink"])
+        ax.plot(
+            found.points[near[rows], 0], found.lost[near[rows]], "o", ms=2.2, mew=0.4, mfc="none", mec=COLOURS["ink"]
+        )
         ax.set_title(f"{labels[1].partition(' (')[0]} {found.load[row]:.3g}", fontsize=7.5)
         ax.set_xlabel(labels[0])
     panels[0].set_ylabel("Loss (W)")

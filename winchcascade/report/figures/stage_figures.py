@@ -29,7 +29,6 @@ SHOWN = 2
 """Cycles that are drawn over time."""
 
 
-
 def prefix(size: float) -> tuple[float, str]:
     """Factor and prefix of the unit in which powers or energies of some size are shown.
 

@@ -11,8 +11,8 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, ModelForm, Place, Shrunk, SingleEffect
 from winchcascade.diagnosis.figure_data import block_table, cost_of, largest_gap, load_costs, mean_costs
 from winchcascade.diagnosis.gap_map import STANDS_OUT
-from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.diagnosis.nuisances import Nuisance
+from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.diagnosis.thresholds import Threshold
 from winchcascade.report.content import (
     Cell,

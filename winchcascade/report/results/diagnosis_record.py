@@ -13,9 +13,9 @@ from winchcascade.core.run import Run
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alternative, DiagnosisResult, LargestChange, NamedCause
 from winchcascade.diagnosis.entries import effect_name
-from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.diagnosis.nuisances import calibrated_numbers
 from winchcascade.diagnosis.posterior import posterior_of_rig, posterior_record, tested_by
+from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.diagnosis.validation import Validated
 from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report.diagnosis_names import about_words, files_of, items_of, origins_of

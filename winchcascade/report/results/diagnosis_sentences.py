@@ -18,15 +18,15 @@ from winchcascade.diagnosis.diagnosis_result import (
     Trend,
 )
 from winchcascade.diagnosis.gap_map import STANDS_OUT
-from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.diagnosis.planning import BACK, HOLD, RAMP
+from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.report.diagnosis_names import (
     NAMES,
     at_words,
+    channel_words,
     has_own_simulation,
     items_of,
     number_words,
-    channel_words,
     phase_words,
     runs_with_number,
     shown_as,

@@ -18,8 +18,8 @@ from winchcascade.diagnosis.diagnosis_result import (
 )
 from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.gap_map import STANDS_OUT
-from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.diagnosis.nuisances import calibrated_numbers
+from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.diagnosis.undetermined import GEAR
 from winchcascade.diagnosis.verdict_limits import MIN_RUNS
 from winchcascade.report.content import Note

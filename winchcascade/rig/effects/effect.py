@@ -252,7 +252,7 @@ class ActiveEffect(msgspec.Struct, frozen=True):
         return self.values[0] if reported_from is None else reported_from(self.values)
 
 
-class Law(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class StageLaw(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A power of a stage that is linear in one number: a loss, what a store takes up, or an error of a sensor.
 
     Parameters
