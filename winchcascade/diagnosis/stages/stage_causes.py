@@ -43,6 +43,9 @@ UNSTEADY_SHARE = 0.5
 """Change of a number from cycle to cycle, as a share of it, beyond which it is no cause but imitates one: a friction that falls as
 oil warms changes less. Assumed. [1]"""
 
+NEAREST = 4
+"""Number of suspects that are fitted in place of a cause, nearest first by the closed form."""
+
 TOP = 0.97
 """Quantile of the magnitude of speed and load that a planned run takes for its top."""
 
@@ -100,8 +103,11 @@ def is_steady(cause: NamedCause) -> bool:
 
 
 def _look_alikes(fit: StageFit, name: str) -> tuple[Alternative, ...]:
-    """Suspects of the smallest sets without a cause for which the evidence is not clearly lower, the most likely first."""
-    chosen, least = fit.found.best.names, fit.probability[fit.found.best.names] * math.exp(-AS_GOOD)
+    """Suspects that explain the logs without a cause, the most likely first: those of the smallest sets for which the evidence is
+    not clearly lower, and those that fit as well in its place, as a prior must not hide that logs do not distinguish them.
+    """
+    found, chosen = fit.found, fit.found.best.names
+    least = fit.probability[chosen] * math.exp(-AS_GOOD)
     good = [names for names, p in fit.probability.items() if name not in names and p >= least]
     smallest = [names for names in good if not any(set(other) < set(names) for other in good)]
     best: dict[str, Names] = {}
@@ -109,6 +115,11 @@ def _look_alikes(fit: StageFit, name: str) -> tuple[Alternative, ...]:
         for other in names:
             if other not in chosen:
                 best.setdefault(other, names)
+    swaps = {other: swap(chosen, name, other) for other in fit.data.names if other not in chosen}
+    near = sorted(swaps, key=lambda other: -found.expansion.rated(swaps[other]))[:NEAREST]
+    for other in near:
+        if found.fit(swaps[other]).loss - found.best.loss <= AS_GOOD * found.scale:
+            best.setdefault(other, swaps[other])
     return tuple(Alternative(other, share_with(fit, other), _difference(fit, names)) for other, names in best.items())
 
 
