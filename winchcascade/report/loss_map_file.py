@@ -85,7 +85,6 @@ def _record(found: LossMap, source: str) -> dict[str, Any]:
         },
         "held_out_w": found.held_out,
         "energy_lost_j": found.energy,
-        "energy_lost_standard_uncertainty_j": found.u_energy,
         "points": {
             "log": [parts[k].run.name for k in rows.part[moves]],
             load: y,

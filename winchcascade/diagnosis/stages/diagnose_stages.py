@@ -244,7 +244,7 @@ def _energies(fit: StageFit, after: Signal) -> tuple[tuple[StageEnergy, ...], tu
         return np.bincount(place, power * rows.width).astype(np.float64)
 
     measured, before, residual = map(energy, (rows.gap + rows.given, rows.given, after))
-    slopes = np.hstack([rows.columns @ fit.by_number(fit.found.best), rows.known])
+    slopes = np.hstack([rows.columns[:, fit.own(fit.found.best)], rows.known])
     columns = np.array([energy(column) for column in slopes.T]).reshape(-1, code.size).T
     size = len(fit.found.best.names)
     spread = np.eye(columns.shape[1])

@@ -2,7 +2,7 @@
 
 Between two stages the energy is conserved: what comes out is what goes in, less losses and less what stores take up. Each of
 these is a number times a signal, so that power out minus power in is linear in the numbers. A sensor that reads (1 + g) x + o
-gives x = (1 + h) x_read - o', with h = 1 / (1 + g) - 1 and o' = o / (1 + g), which is linear in h and o'. A store takes up
+gives x = (1 - h) x_read - o', with h = g / (1 + g) and o' = o / (1 + g), which is linear in h and o'. A store takes up
 d(x^2 / 2)/dt, whose mean over a block is a difference between its ends: no slope has to be smoothed.
 """
 
@@ -180,7 +180,7 @@ def stage_signals(run: Run, rig: Rig, path: StagePath) -> StageSignals:
             dimension = rig.known_channels[name].dimension
             if dimension in MEASURING:
                 gain, slope = _by_channel(power, name, run, radius)
-                gains[name] = gains.get(name, 0.0) + sign * gain
+                gains[name] = gains.get(name, 0.0) - sign * gain
                 zeros[name] = zeros.get(name, 0.0) - sign * slope
             if (signal := SIGNALS.get(dimension)) is not None:
                 found[signal] = found.get(signal, 0.0) + channels[name]
@@ -338,8 +338,17 @@ def _effect(name: str, one: Suspected, paths: Sequence[StagePath], most: float, 
         fields=(Parameter(law.parameter, law.unit, low, high, (least, far)),),
         display=display if known is None or not one.channel else known.display,
         unit=law.unit,
-        reported_from=partial(_total, number) if number else None,
+        reported_from=_gain if law.kind == "gain" else partial(_total, number) if number else None,
     )
+
+
+def _gain(values: Values) -> float:
+    """The gain error of a sensor, of the share by which its reading is too large.
+
+    >>> round(_gain((0.2,)), 9)
+    0.25
+    """
+    return values[0] / (1.0 - values[0])
 
 
 def _total(stated: float, values: Values) -> float:

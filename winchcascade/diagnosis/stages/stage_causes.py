@@ -23,7 +23,7 @@ from winchcascade.diagnosis.diagnosis_result import (
 from winchcascade.diagnosis.marginal import weights
 from winchcascade.diagnosis.stability import trends_of
 from winchcascade.diagnosis.stages.laws import MOTIONS, SIGNALS
-from winchcascade.diagnosis.stages.stage_fit import FOLDS, StageFit, coefficients_of, noise_of
+from winchcascade.diagnosis.stages.stage_fit import FOLDS, StageFit, noise_of
 from winchcascade.diagnosis.stages.stage_rows import PARTS_OF_RUN
 from winchcascade.diagnosis.suspects import with_values
 from winchcascade.diagnosis.verdict_limits import AS_GOOD, LAW, OPEN
@@ -87,8 +87,9 @@ def share_with(fit: StageFit, name: str) -> float:
 
 def is_material(fit: StageFit, cause: str) -> bool:
     """Whether the power that a cause takes is a share of that of its stages that matters."""
-    rows, number = fit.data.fitted, fit.numbers(fit.found.best)[cause]
-    powers = fit.power(rows, {cause: number}), rows.gap + rows.given
+    rows, best = fit.data.fitted, fit.found.best
+    column = rows.columns[:, fit.data.names.index(cause)]
+    powers = column * best.x[best.place[cause]], rows.gap + rows.given
     taken, flowing = (np.bincount(rows.path, x**2) for x in powers)
     return bool(np.any((taken > 0.0) & (taken >= MATERIAL**2 * flowing)))
 
@@ -126,7 +127,7 @@ def _look_alikes(fit: StageFit, name: str) -> tuple[Alternative, ...]:
 def _difference(fit: StageFit, other: Names) -> Spot:
     """In which path and phase the best set and another one differ most, as a root mean square."""
     rows = fit.data.rows
-    squares = (fit.power(rows, fit.numbers(fit.found.best)) - fit.power(rows, fit.numbers(fit.found.fit(other)))) ** 2
+    squares = (fit.power(rows, fit.found.best) - fit.power(rows, fit.found.fit(other))) ** 2
     sums, counts = (np.bincount(rows.kind, x) for x in (squares, np.ones(squares.size)))
     worst = int(np.argmax(sums))
     path, phase = divmod(worst, len(PARTS_OF_RUN))
@@ -143,13 +144,13 @@ def _stabilities(fit: StageFit) -> dict[str, Stability]:
     """
     data, best = fit.data, fit.found.best
     noise = noise_of(data, data.rows)
-    rows, slope, split = noise.whitened(noise.within), fit.by_number(best), len(data.names)
-    given = rows[:, -1] - rows[:, :split] @ coefficients_of(data.names, fit.numbers(best)) - rows[:, split:-1] @ best.nu
+    rows, columns = noise.whitened(noise.within), fit.own(best)
+    given = rows[:, -1] - rows[:, columns] @ best.x - rows[:, len(data.names) : -1] @ best.nu
     cycles = np.unique(data.rows.blocks.cycle)
     cycle, own = noise.fold // -(-FOLDS // cycles.size), weights(given)  # the folds of a cycle together
     found = {}
     for k, name in enumerate(best.names):
-        column = rows[:, :split] @ slope[:, k]
+        column = rows[:, columns[k]]
         height = np.maximum(np.bincount(cycle, own * column**2, cycles.size), 1e-300)
         values = best.x[k] + np.bincount(cycle, own * column * given, cycles.size) / height
         u = np.hypot(height**-0.5, LAW * best.x[k])
@@ -194,9 +195,9 @@ def _significance(fit: StageFit, other: Fit, motion: float, load: float) -> floa
     """
     best, data = fit.found.best, fit.data
     factors = np.array([_factor(one.law, one.channel, motion, load) for one in data.laws.values()])
-    columns = fit.rows[:, : factors.size] * factors
-    z = columns @ (coefficients_of(data.names, fit.numbers(best)) - coefficients_of(data.names, fit.numbers(other)))
-    j = columns @ fit.by_number(other)
+    planned = fit.rows[:, : factors.size] * factors
+    j = planned[:, fit.own(other)]
+    z = planned[:, fit.own(best)] @ best.x - j @ other.x
     pull, precision = j.T @ z, np.linalg.pinv(fit.covariance(other), hermitian=True)
     return math.sqrt(max(float(z @ z - pull @ np.linalg.pinv(j.T @ j + precision, hermitian=True) @ pull), 0.0))
 

@@ -35,7 +35,7 @@ from winchcascade.diagnosis.suspects import freedom
 from winchcascade.diagnosis.verdict_limits import LAW, RARER
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from winchcascade.core.run import Index, Signal
     from winchcascade.diagnosis.diagnosis_result import Names
@@ -178,7 +178,7 @@ class StageProblem(msgspec.Struct, frozen=True):
 
     @property
     def begins(self) -> dict[str, tuple[float, ...]]:
-        """None: the problem is nearly linear."""
+        """None: the problem is linear."""
         return {}
 
     @property
@@ -197,33 +197,17 @@ class StageProblem(msgspec.Struct, frozen=True):
 
     def residuals(self, several: Sequence[Sequence[ActiveEffect]], nu: Signal) -> Signal:
         """Measured minus predicted coefficients of several sets of effects, (n, sets)."""
-        numbers = [{one.effect.name: one.values[0] for one in effects} for effects in several]
-        coefficients = np.array([coefficients_of(tuple(self.suspects), each) for each in numbers])
-        split = len(self.suspects)
-        left = self.rows[:, -1:] - self.rows[:, split:-1] @ nu[:, None]
-        found: Signal = left - self.rows[:, :split] @ coefficients.reshape(len(several), -1).T
+        names = list(self.suspects)
+        left = self.rows[:, -1] - self.rows[:, len(names) : -1] @ nu
+        found = np.repeat(left[:, None], len(several), axis=1)
+        for k, effects in enumerate(several):
+            own = [names.index(one.effect.name) for one in effects]
+            found[:, k] -= self.rows[:, own] @ np.array([one.values[0] for one in effects])
         return found
 
     def nuisance_columns(self, _effects: Sequence[ActiveEffect], _nu: Signal) -> Columns:
         """Those of the rows."""
         return Columns(self.rows[:, len(self.suspects) : -1], csr_array((len(self.rows), 0)))
-
-
-def coefficients_of(names: Sequence[str], numbers: Mapping[str, float]) -> Signal:
-    """Coefficients of the columns of some suspects, (suspects,), for the numbers of some of them.
-
-    >>> some = "line_drag", "force_gain", "force_zero"
-    >>> coefficients_of(some, {"force_gain": 0.25, "force_zero": 50.0}).round(9).tolist()
-    [0.0, -0.2, 40.0]
-    """
-    made = dict(numbers)
-    for name, number in numbers.items():
-        channel, _, part = name.rpartition("_")
-        if part == "gain":
-            made[name] = 1.0 / (1.0 + number) - 1.0
-        elif part == "zero":
-            made[name] = number / (1.0 + numbers.get(f"{channel}_gain", 0.0))
-    return np.array([made.get(name, 0.0) for name in names])
 
 
 class StageFit(msgspec.Struct, frozen=True):
@@ -235,23 +219,14 @@ class StageFit(msgspec.Struct, frozen=True):
     found: Found
     probability: dict[Names, float]
 
-    def numbers(self, fit: Fit) -> dict[str, float]:
-        """The number of each suspect of a fit."""
-        return dict(zip(fit.names, fit.x.tolist(), strict=True))
+    def own(self, fit: Fit) -> list[int]:
+        """Columns of the suspects of a fit, in their order."""
+        return [self.data.names.index(name) for name in fit.names]
 
-    def power(self, rows: StageRows, numbers: dict[str, float]) -> Signal:
-        """What some numbers add to the power that comes out, (m,). [W]"""
-        found: Signal = rows.columns @ coefficients_of(self.data.names, numbers)
+    def power(self, rows: StageRows, fit: Fit) -> Signal:
+        """What the numbers of a fit add to the power that comes out, (m,). [W]"""
+        found: Signal = rows.columns[:, self.own(fit)] @ fit.x
         return found
-
-    def by_number(self, fit: Fit) -> Signal:
-        """Derivative of the coefficients of all suspects over the numbers of a fit, (suspects, k)."""
-        names, numbers = self.data.names, self.numbers(fit)
-        given, made = coefficients_of(names, numbers), []
-        for name, sd in zip(fit.names, fit.free.sd.tolist(), strict=True):
-            step = 1e-6 * sd
-            made.append((coefficients_of(names, {**numbers, name: numbers[name] + step}) - given) / step)
-        return np.array(made).reshape(len(made), len(names)).T
 
     def covariance(self, fit: Fit) -> Signal:
         """Covariance of the numbers of a fit, (k, k)."""
@@ -262,19 +237,17 @@ class StageFit(msgspec.Struct, frozen=True):
 
         Withheld ones by the fit as it is, others by that without their fold, which follows from the quadratic about the fit.
         """
-        rows, slope, groups = self.data.judged, self.by_number(fit), self.found.problem.groups
-        left: Signal = rows.gap - self.power(rows, self.numbers(fit)) - rows.known @ fit.nu
+        rows, own, size, groups = self.data.judged, self.own(fit), fit.x.size, self.found.problem.groups
+        left: Signal = rows.gap - self.power(rows, fit) - rows.known @ fit.nu
         if self.data.withheld.any() or not (fit.names or fit.nu.size):
             return left
-        split, size = len(self.data.names), len(fit.names)
-        design = np.hstack([self.rows[:, :split] @ slope, self.rows[:, split:-1]])
-        there = np.hstack([rows.columns @ slope, rows.known])
+        design = np.hstack([self.rows[:, own], self.rows[:, len(self.data.names) : -1]])
+        there = np.hstack([rows.columns[:, own], rows.known])
         weighted, fold = design * weights(fit.z)[:, None], folds_of(rows.blocks.cycle)
         whole = weighted.T @ design + np.diag([*fit.free.sd**-2.0, *np.ones(fit.nu.size)])
         for g in range(int(fold.max()) + 1):
-            own, here = groups == g, fold == g
-            without = whole - weighted[own].T @ design[own]
-            change = -np.linalg.solve(without, weighted[own].T @ fit.z[own])
+            out, here = groups == g, fold == g
+            change = -np.linalg.solve(whole - weighted[out].T @ design[out], weighted[out].T @ fit.z[out])
             change[:size] = np.clip(fit.x + change[:size], fit.free.minimum, fit.free.maximum) - fit.x
             left[here] -= there[here] @ change
         return left
@@ -294,7 +267,7 @@ def fit_of(data: StageData) -> StageFit:
 
 
 def linear_search(problem: StageProblem) -> Found:
-    """Find the set with the most evidence of a problem that is nearly linear: in closed form about the fit of all suspects, whose
+    """Find the set with the most evidence of a linear problem: in closed form about the fit of all suspects, whose
     residuals show the noise, and then about the best set itself.
     """
     marginal, every = marginal_about(problem, [], np.zeros(problem.nuisances)), tuple(sorted(problem.suspects))
@@ -328,8 +301,7 @@ def most_probable(fit: StageFit) -> StageFit:
 def _least_squares(problem: StageProblem, marginal: Marginal, names: Names) -> dict[str, Signal]:
     """Fields of a set by least squares within their bounds, for a robust fit to begin from."""
     free, own = freedom(*(problem.suspects[name] for name in names)), [*problem.suspects]
-    turned = np.array([-1.0 if name.endswith("_gain") else 1.0 for name in names])  # a gain reads high of what is low
-    columns = marginal(problem.rows[:, [own.index(name) for name in names]] * turned)
+    columns = marginal(problem.rows[:, [own.index(name) for name in names]])
     curve = columns.T @ columns + np.diag(free.sd**-2.0)
     x = minimum_within(curve, columns.T @ marginal(problem.rows[:, -1]), free.minimum, free.maximum)
     return {name: x[k : k + 1] for k, name in enumerate(names)}

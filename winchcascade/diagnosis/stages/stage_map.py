@@ -58,7 +58,7 @@ class LossMap(msgspec.Struct, frozen=True):
     hull : (k, 2) its corners, motion and load, anticlockwise
     points : (p, 6) motion, load, power that goes in, that comes out, that is stored [W], and time [s] of each point
     held_out : root mean square of measured minus predicted loss of points that took no part in the fit [W]
-    energy, u_energy : lost in all points together, and its standard uncertainty [J]
+    energy : lost in all points together [J]
     """
 
     fit: StageFit
@@ -74,7 +74,6 @@ class LossMap(msgspec.Struct, frozen=True):
     points: Signal
     held_out: float
     energy: float
-    u_energy: float
 
     @property
     def data(self) -> StageData:
@@ -131,17 +130,13 @@ def make_loss_map(runs: Sequence[Run], rig: Rig) -> LossMap:
     covariance = fit.covariance(best)
     hull, inside = convex_hull(places[moves], grid)
     stores = [one.law.kind in ("store", "gas", "exchange") for one in data.laws.values()]
-    numbers = np.array([fit.numbers(best).get(name, 0.0) for name in data.names])
+    numbers = np.zeros(len(data.names))
+    numbers[fit.own(best)] = best.x
     stated = np.array([0.0 if one.stated is None else one.stated.value for one in data.laws.values()])
     stored = -rows.columns[:, stores] @ (numbers + stated)[stores]
     losses = [not store for store in stores]
     given = rows.given - rows.columns[:, stores] @ stated[stores] - rows.columns[:, losses] @ stated[losses]
     points = np.column_stack([places, given, rows.given + rows.gap, stored, rows.width])[moves]
-    slope = rows.columns @ fit.by_number(best)
-    residual, width = rows.gap - rows.columns @ numbers - rows.known @ best.nu, rows.width
-    spread = (width @ np.hstack([slope, rows.known]))[: best.x.size]
-    cycles = np.bincount(rows.blocks.cycle, residual * width)
-    u_energy = math.hypot(*cycles, math.sqrt(max(float(spread @ covariance @ spread), 0.0)))
     lost = points[:, 2] - points[:, 3] - points[:, 4]
     return LossMap(
         fit=fit,
@@ -157,7 +152,6 @@ def make_loss_map(runs: Sequence[Run], rig: Rig) -> LossMap:
         points=points,
         held_out=float(np.sqrt(np.mean(fit.residual(best) ** 2))),
         energy=float(lost @ points[:, 5]),
-        u_energy=u_energy,
     )
 
 
@@ -184,7 +178,8 @@ def _surface(fit: StageFit, path: StagePath, grid: Signal) -> tuple[Signal, Sign
     power = np.abs(flat[0] * flat[1])
     signals = dict(zip(data.axes[0], flat, strict=True)) | {"power_in": power, "drive": power}
     one = StageSignals(np.arange(power.size, dtype=np.float64), power, power, signals, {}, {})
-    numbers, loss, share, columns = fit.numbers(best), np.zeros(power.size), 0.0, {}
+    numbers = dict(zip(best.names, best.x.tolist(), strict=True))
+    loss, share, columns = np.zeros(power.size), 0.0, {}
     for name, law in data.laws.items():
         number = numbers.get(name, 0.0) + (0.0 if law.stated is None else law.stated.value)
         if law.law.kind != "loss" or number == 0.0:

@@ -99,7 +99,7 @@ def _half(one: MappedLaw) -> float | None:
 
 def _quality(found: LossMap) -> list[tuple[str, Cell]]:
     """Number and range of the points, how much is lost, and how well the laws meet points that took no part in the fit."""
-    lost, parts = Measured(found.energy, found.u_energy, both=True), found.data.parts
+    parts = found.data.parts
     share = 100.0 * found.held_out / max(float(np.mean(np.abs(found.lost))), 1e-300)
     ranges = [
         (f"{upper(AXES[name][0])} ({AXES[name][1]})", Span(float(x.min()), float(x.max())))
@@ -109,7 +109,7 @@ def _quality(found: LossMap) -> list[tuple[str, Cell]]:
         ("Stages", f"{found.path.into.name} to {found.path.out.name}"),
         ("Points", f"{len(found.points)} of {len(parts)} log{'s' * (len(parts) > 1)}"),
         *ranges,
-        ("Energy lost", f"{shown(lost)} J"),
+        ("Energy lost", f"{shown(found.energy)} J"),
         ("Held-out points, root mean square", f"{shown(found.held_out)} W, {share:.1f} % of the mean loss"),
         *([("Table", "no value: the points lie on one line")] if len(found.hull) < 3 else []),
     ]
