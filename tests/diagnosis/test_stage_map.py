@@ -50,7 +50,9 @@ def dyno_run(*, reverse: bool = False, noise: float = 0.0) -> Run:
 def turned(run: Run) -> Run:
     """The same shaft turning the other way."""
     signs = {"speed": -1.0, "torque": -1.0}
-    return msgspec.structs.replace(run, name="back.csv", channels={n: signs.get(n, 1.0) * x for n, x in run.channels.items()})
+    return msgspec.structs.replace(
+        run, name="back.csv", channels={n: signs.get(n, 1.0) * x for n, x in run.channels.items()}
+    )
 
 
 def bench(tmp_path: Path, text: str = "", source: str = "whole", stages: str = '"mech", "gen"') -> Rig:
@@ -162,7 +164,9 @@ def test_the_files_hold_the_same_table(tmp_path: Path) -> None:
         assert np.array(loss) == pytest.approx(table, nan_ok=True)
     assert (record["schema"], model["stage_in"]) == ("winchcascade/loss_map/2", "mech")
     assert {name: law["value"] for name, law in record["laws"].items()} == pytest.approx(numbers(found))
-    grid = [line.split(",") for line in (tmp_path / "map_grid.csv").read_text().splitlines() if not line.startswith("#")]
+    grid = [
+        line.split(",") for line in (tmp_path / "map_grid.csv").read_text().splitlines() if not line.startswith("#")
+    ]
     _, _, loss, _, inside = np.array(grid[1:], dtype=np.float64).T
     assert loss.reshape(found.loss.shape) == pytest.approx(found.loss, rel=1e-6)
     assert inside.sum() == found.inside.sum()

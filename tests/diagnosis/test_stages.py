@@ -267,9 +267,7 @@ def test_probabilities_are_those_of_the_sets_and_ablation_is_the_share_closed_wi
 
 
 # ------------------------------------------------------------------------------------------------------ damaged and odd
-@pytest.mark.parametrize(
-    ("lost", "says"), [("force", "lacks that of line"), ("power_mech", "lacks that of mech")]
-)
+@pytest.mark.parametrize(("lost", "says"), [("force", "lacks that of line"), ("power_mech", "lacks that of mech")])
 def test_a_log_without_force_or_power_is_rejected(lost: str, says: str) -> None:
     run = planted(0)
     bare = msgspec.structs.replace(run, channels={k: x for k, x in run.channels.items() if k != lost})

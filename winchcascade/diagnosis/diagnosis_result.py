@@ -347,8 +347,9 @@ class Experiment(msgspec.Struct, frozen=True):
     """One run that would distinguish two suspects, and by how many standard deviations.
 
     `speed` is the highest one [m/s]; `load`, `length` of the payout [m], and the `time` of a stroke at the top speed of the
-    campaign [s] belong to a `cycle`. Of stages without a model the campaign is run again `scaled`: `speed` and `force` are the tops of
-    the signals `axes`, in SI units. `repeats` is a log whose load is run again after all others.
+    campaign [s] belong to a `cycle`. Of stages without a model the campaign is run again `scaled`:
+    `speed` and `force` are the tops of the signals `axes`, in SI units. `repeats` is a log whose load is run again after
+    all others.
     """
 
     motion: Literal["cycle", "scaled"]

@@ -1,12 +1,13 @@
 """A loss map as a file for look-up tables: CSV, MATLAB or JSON.
 
-Rows of the table follow the breakpoints of the load, columns those of the motion. Outside of the hull of the points a cell of the
-table is NaN, in JSON null. The grid has a row for each cell, with the uncertainty, and also where no data lie.
+Rows of the table follow the breakpoints of the load, columns those of the motion. Outside of the
+hull of the points a cell of the table is NaN, in JSON null. The grid has a row for each cell, with
+the uncertainty, and also where no data lie.
 """
 
 from __future__ import annotations
 
-import math
+import io
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import numpy as np
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import json_bytes, write_content
 from winchcascade.core.matlab_file import matlab_bytes
+from winchcascade.core.run import Signal
 from winchcascade.core.version import GENERATOR
 from winchcascade.diagnosis.stages.stage_map import LossMap
 
@@ -37,7 +39,8 @@ def check_ending(path: Path) -> None:
 
 
 def write_loss_map(found: LossMap, path: Path, source: str, *, force: bool = False) -> None:
-    """Write a loss map in the format that the ending of the file names; beside a CSV its grid, `NAME_grid.csv`.
+    """Write a loss map in the format that the ending of the file names; beside a CSV its grid,
+    `NAME_grid.csv`.
 
     Parameters
     ----------
@@ -46,7 +49,8 @@ def write_loss_map(found: LossMap, path: Path, source: str, *, force: bool = Fal
     Raises
     ------
     OptionError : an ending that names no format
-    OutputError : the file cannot be written, or is not this tool's own and `force` does not allow to replace it
+    OutputError : the file cannot be written, or is not this tool's own and `force` does not allow
+    to replace it
     """
     check_ending(path)
     record, ending = _record(found, source), path.suffix.casefold()
@@ -99,25 +103,27 @@ def _record(found: LossMap, source: str) -> dict[str, Any]:
 
 
 def _csv(record: dict[str, Any], found: LossMap) -> tuple[bytes, bytes]:
-    """The table under its breakpoints of the motion, after lines of comment with source and laws; and the grid."""
+    """The table under its breakpoints of the motion, after lines of comment with source and laws;
+    and the grid.
+    """
     motion, load = (FIELDS[name] for name in found.axes)
     laws = ", ".join(f"{name} {one['value']:.6g} {one['unit']}" for name, one in record["laws"].items())
-    head = [
-        f"# Loss map by {GENERATOR} from {' '.join(str(record['source']).replace(',', ';').split())}",
-        f"# loss in W from {record['stage_in']} to {record['stage_out']}",
-        f"# laws: {laws or 'none'}",
-    ]
-    table = [
-        *head,
-        f"# rows: {load}, columns: {motion}; NaN: outside of the hull of the operating points",
-        ",".join([f"{load}\\{motion}", *(f"{x:.9g}" for x in found.motion)]),
-        *(
-            ",".join([f"{y:.9g}", *("NaN" if math.isnan(x) else f"{x:.9g}" for x in row)])
-            for y, row in zip(found.load, record["loss_w"], strict=True)
-        ),
-    ]
-    grid = [*head, f"{motion},{load},loss_w,loss_standard_uncertainty_w,inside"]
-    for k, y in enumerate(found.load):
-        for n, x in enumerate(found.motion):
-            grid.append(f"{x:.9g},{y:.9g},{found.loss[k, n]:.9g},{found.u_loss[k, n]:.6g},{int(found.inside[k, n])}")
-    return tuple(("\n".join(lines) + "\n").encode() for lines in (table, grid))  # type: ignore[return-value]
+    head = (
+        f"# Loss map by {GENERATOR} from {' '.join(str(record['source']).replace(',', ';').split())}\n"
+        f"# loss in W from {record['stage_in']} to {record['stage_out']}\n"
+        f"# laws: {laws or 'none'}\n"
+    )
+    x, y = np.meshgrid(found.motion, found.load)
+    above = ",".join([f"{load}\\{motion}", *(f"{speed:.9g}" for speed in found.motion)])
+    grid = [one.ravel() for one in (x, y, found.loss, found.u_loss, found.inside)]
+    return (
+        _written(f"{head}# rows: {load}, columns: {motion}\n{above}", np.column_stack([found.load, record["loss_w"]])),
+        _written(f"{head}{motion},{load},loss_w,loss_standard_uncertainty_w,inside", np.column_stack(grid)),
+    )
+
+
+def _written(header: str, rows: Signal) -> bytes:
+    """Rows under a header as CSV."""
+    file = io.BytesIO()
+    np.savetxt(file, rows, fmt="%.9g", delimiter=",", header=header, comments="")
+    return file.getvalue()

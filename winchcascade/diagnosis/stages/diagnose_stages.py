@@ -1,4 +1,6 @@
-"""Diagnose stages without a model: where their gap lies, which losses, stores and sensors explain it, and what remains."""
+"""Diagnose stages without a model: where their gap lies, which losses, stores and sensors explain
+it, and what remains.
+"""
 
 from __future__ import annotations
 
@@ -46,12 +48,13 @@ FEW = 12
 """Minimum number of triples of neighbouring blocks for an estimate of their noise."""
 
 SMALL_ENERGY = 0.03
-"""Share of the measured energy of a phase below which a difference has no effect on the verdict: force cells and powers of
-field winches are accurate to 1 to 3 % of the reading."""
+"""Share of the measured energy of a phase below which a difference has no effect on the verdict:
+force cells and powers of field winches are accurate to 1 to 3 % of the reading."""
 
 
 class StageClosure(GapClosure, frozen=True):
-    """Share of the squared gap that the causes close on the rows that they are tested on: 1 - sum(after^2) / sum(gap^2).
+    """Share of the squared gap that the causes close on the rows that they are tested on: 1 -
+    sum(after^2) / sum(gap^2).
 
     `after` is measured minus predicted at these rows, (m,) [W], by a fit without them.
     """
@@ -92,7 +95,8 @@ def diagnose_stages(
 
     Parameters
     ----------
-    entries : runs; if none is withheld, causes are chosen on all cycles and each is left out of the fit once
+    entries : runs; if none is withheld, causes are chosen on all cycles and each is left out of the
+        fit once
     suspects : effects by name that may be named; those that are laws of the stages count
     seed : of the resampling of cycles
     on_progress : called with a sentence on each step
@@ -146,10 +150,11 @@ def diagnose_stages(
 def _verdict(
     closure: StageClosure, remainder: Remainder, causes: Sequence[NamedCause], candidates: Sequence[NamedCause]
 ) -> Verdict:
-    """Explained when no alarm and no candidate remains and at least `MOSTLY` of what exceeds noise is closed.
+    """Explained when no alarm and no candidate remains and at least `MOSTLY` of what exceeds noise
+    is closed.
 
-    A number that changes little from cycle to cycle does not forbid it by itself: what it does to the energies of held-out cycles
-    does.
+    A number that changes little from cycle to cycle does not forbid it by itself: what it does to
+    the energies of held-out cycles does.
     """
     if not causes and not candidates:
         return "unexplained" if remainder.alarms else "no_gap"
@@ -182,12 +187,16 @@ def _places(data: StageData) -> tuple[Place, ...]:
 
 
 def _noise(rows: StageRows, x: Signal) -> float:
-    """Noise of the rows of one path and phase, about their smooth course; NaN where there are too few blocks. [W]"""
+    """Noise of the rows of one path and phase, about their smooth course; NaN where there are too
+    few blocks. [W]
+    """
     return scatter_about_course(rows.blocks, x, np.ones(x.size, dtype=bool), FEW)
 
 
 def _closure(fit: StageFit, seed: int) -> StageClosure:
-    """Predict every judged row from a fit without it, and resample the cycles for the interval of the share."""
+    """Predict every judged row from a fit without it, and resample the cycles for the interval of
+    the share.
+    """
     data, rows, after = fit.data, fit.data.judged, fit.residual(fit.found.best)
     fold = folds_of(rows.blocks.cycle)
     old, new = np.bincount(fold, rows.gap**2), np.bincount(fold, after**2)
@@ -209,7 +218,9 @@ def _closure(fit: StageFit, seed: int) -> StageClosure:
 
 
 def _remainder(fit: StageFit, closure: StageClosure, energies: tuple[Alarm, ...]) -> Remainder:
-    """Distinguish the residual from noise: energies that are not explained, and phases in which it has a smooth course."""
+    """Distinguish the residual from noise: energies that are not explained, and phases in which it
+    has a smooth course.
+    """
     data, rows, after, alarms = fit.data, closure.rows, closure.after, list(energies)
     noisiest: dict[float, Spot] = {}
     for path, phase, here in _kinds(rows):
@@ -228,11 +239,12 @@ def _remainder(fit: StageFit, closure: StageClosure, energies: tuple[Alarm, ...]
 
 # ---------------------------------------------------------------------------------------------------------------- energies
 def _energies(fit: StageFit, after: Signal) -> tuple[tuple[StageEnergy, ...], tuple[Alarm, ...]]:
-    """Energies of the judged cycles by path and phase, and an alarm for each whose energies the causes do not explain.
+    """Energies of the judged cycles by path and phase, and an alarm for each whose energies the
+    causes do not explain.
 
-    The residuals of a phase are an alarm where their root mean square, or their sum, is more than a small share of the energy,
-    and more than the noise within the phases and the uncertainty of the coefficients allow. The uncertainty that is reported
-    contains the scatter of cycles, too.
+    The residuals of a phase are an alarm where their root mean square, or their sum, is more than a
+    small share of the energy, and more than the noise within the phases and the uncertainty of the
+    coefficients allow. The uncertainty that is reported contains the scatter of cycles, too.
     """
     from scipy.special import chdtrc
 

@@ -1,5 +1,6 @@
-"""What is reported of each law that acts: its number, its probability, its alternatives, its number cycle by cycle, and the next
-run, at another speed or load, that would best distinguish a cause from its strongest alternative.
+"""What is reported of each law that acts: its number, its probability, its alternatives, its number
+cycle by cycle, and the next run, at another speed or load, that would best distinguish a cause from
+its strongest alternative.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from winchcascade.diagnosis.diagnosis_result import (
 )
 from winchcascade.diagnosis.marginal import weights
 from winchcascade.diagnosis.stability import trends_of
-from winchcascade.diagnosis.stages.laws import MOTIONS, SIGNALS
 from winchcascade.diagnosis.stages.stage_fit import FOLDS, StageFit, noise_of
+from winchcascade.diagnosis.stages.stage_laws import MOTIONS, SIGNALS
 from winchcascade.diagnosis.stages.stage_rows import PARTS_OF_RUN
 from winchcascade.diagnosis.suspects import with_values
 from winchcascade.diagnosis.verdict_limits import AS_GOOD, LAW, OPEN
@@ -33,15 +34,17 @@ if TYPE_CHECKING:
     from winchcascade.rig.effects.effect import StageLaw
 
 MATERIAL = 0.01
-"""Share of the power of the winch, root mean squares, that a cause must take to be named: in logs of an hour far smaller ones
-are significant, and force cells and powers of field winches are no better than to one per cent."""
+"""Share of the power of the winch, root mean squares, that a cause must take to be named: in logs
+of an hour far smaller ones are significant, and force cells and powers of field winches are no
+better than to one per cent."""
 
 AMBIGUOUS = 0.95
-"""Maximum probability of a cause that another suspect can replace: the list of suspects is not complete. [1]"""
+"""Maximum probability of a cause that another suspect can replace: the list of suspects is not
+complete. [1]"""
 
 UNSTEADY_SHARE = 0.5
-"""Change of a number from cycle to cycle, as a share of it, beyond which it is no cause but imitates one: a friction that falls as
-oil warms changes less. Assumed. [1]"""
+"""Change of a number from cycle to cycle, as a share of it, beyond which it is no cause but
+imitates one: a friction that falls as oil warms changes less. Assumed. [1]"""
 
 NEAREST = 4
 """Number of suspects that are fitted in place of a cause, nearest first by the closed form."""
@@ -104,8 +107,9 @@ def is_steady(cause: NamedCause) -> bool:
 
 
 def _look_alikes(fit: StageFit, name: str) -> tuple[Alternative, ...]:
-    """Suspects that explain the logs without a cause, the most likely first: those of the smallest sets for which the evidence is
-    not clearly lower, and those that fit as well in its place, as a prior must not hide that logs do not distinguish them.
+    """Suspects that explain the logs without a cause, the most likely first: those of the smallest
+    sets for which the evidence is not clearly lower, and those that fit as well in its place, as a
+    prior must not hide that logs do not distinguish them.
     """
     found, chosen = fit.found, fit.found.best.names
     least = fit.probability[chosen] * math.exp(-AS_GOOD)
@@ -139,8 +143,9 @@ def _difference(fit: StageFit, other: Names) -> Spot:
 def _stabilities(fit: StageFit) -> dict[str, Stability]:
     """The number of each cause from every cycle alone, the other numbers as the joint fit has them.
 
-    The noise within the phases, not the scatter of their means, is the uncertainty: the scatter is what is looked for. Withheld
-    cycles count too: they only show here whether the numbers are the same.
+    The noise within the phases, not the scatter of their means, is the uncertainty: the scatter is
+    what is looked for. Withheld cycles count too: they only show here whether the numbers are the
+    same.
     """
     data, best = fit.data, fit.found.best
     noise = noise_of(data, data.rows)
@@ -168,9 +173,11 @@ def _stabilities(fit: StageFit) -> dict[str, Stability]:
 
 # ------------------------------------------------------------------------------------------------------------ the next run
 def plan(fit: StageFit, causes: tuple[NamedCause, ...]) -> Experiment | None:
-    """Choose the speed and the load at which the causes and the set that comes nearest with one of them swapped differ most.
+    """Choose the speed and the load at which the causes and the set that comes nearest with one of
+    them swapped differ most.
 
-    The rows of the campaign are scaled: a signal that grows with the motion by its multiple, one that grows with the load by its.
+    The rows of the campaign are scaled: a signal that grows with the motion by its multiple, one
+    that grows with the load by its.
     """
     chosen, data = fit.found.best.names, fit.data
     others = [name for name in data.names if name not in chosen]
@@ -187,7 +194,8 @@ def plan(fit: StageFit, causes: tuple[NamedCause, ...]) -> Experiment | None:
 
 
 def _significance(fit: StageFit, other: Fit, motion: float, load: float) -> float:
-    """Significance with which a run distinguishes the best set from another one, whose numbers may adapt. [sigma]
+    """Significance with which a run distinguishes the best set from another one, whose numbers may
+    adapt. [sigma]
 
     Parameters
     ----------
@@ -203,12 +211,14 @@ def _significance(fit: StageFit, other: Fit, motion: float, load: float) -> floa
 
 
 def _factor(law: StageLaw, channel: str, motion: float, load: float) -> float:
-    """Multiple of the power of a law where motion and load are multiples of those of the campaign."""
+    """Multiple of the power of a law where motion and load are multiples of those of the
+    campaign.
+    """
     if law.kind == "gain":
         return motion * load
     if law.kind == "zero":
         grows = MOTIONS.get(SIGNALS.get(channel, channel), 0)
         return load if grows else motion
     powers = {name: (2 if law.kind == "store" else power) for name, power in law.over.items()}
-    scales = {"power_in": motion * load} | {name: motion if grows else load for name, grows in MOTIONS.items()}
+    scales = {"power": motion * load} | {name: motion if grows else load for name, grows in MOTIONS.items()}
     return math.prod(scales[name] ** power for name, power in powers.items())

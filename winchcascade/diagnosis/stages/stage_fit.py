@@ -1,9 +1,11 @@
-"""Fit of the laws of stages: the noise of their powers, and the search for the laws and sensors that explain them.
+"""Fit of the laws of stages: the noise of their powers, and the search for the laws and sensors
+that explain them.
 
-The residual of a fit is no white noise: losses that vary make it last. It has two parts, that of single rows about the mean of
-a phase of a cycle, and that of this mean, which is the energy of the phase. Weights by the variances of both make generalised
-least squares (random effects: Laird and Ware 1982): energies count by how well they repeat from cycle to cycle. What the rig file
-knows of sensors and stated laws is a nuisance of every fit, within its standard uncertainty.
+The residual of a fit is no white noise: losses that vary make it last. It has two parts, that of
+single rows about the mean of a phase of a cycle, and that of this mean, which is the energy of the
+phase. Weights by the variances of both make generalised least squares (random effects: Laird and
+Ware 1982): energies count by how well they repeat from cycle to cycle. What the rig file knows of
+sensors and stated laws is a nuisance of every fit, within its standard uncertainty.
 """
 
 from __future__ import annotations
@@ -44,10 +46,12 @@ if TYPE_CHECKING:
     from winchcascade.rig.effects.effect import ActiveEffect
 
 TOGETHER = 2
-"""Blocks that make one row of the fit, about a second: the velocity of single ones is known too badly for the inertia."""
+"""Blocks that make one row of the fit, about a second: the velocity of single ones is known too
+badly for the inertia."""
 
 FEW = 4.0
-"""Number of cycles as which the variance within the phases counts in that of the means, where there are few cycles."""
+"""Number of cycles as which the variance within the phases counts in that of the means, where there
+are few cycles."""
 
 FOLDS = 10
 """Minimum number of folds: fewer cycles are cut into about as many pieces in order of time."""
@@ -62,14 +66,16 @@ DEPENDENT = 1e-10
 """Share of the largest direction of scaled columns below which a direction is none. [1]"""
 
 EVERY = 10
-"""Number of suspects up to which every set of them is weighed; of more, those that the search finds near the best."""
+"""Number of suspects up to which every set of them is weighed; of more, those that the search finds
+near the best."""
 
 
 class StageNoise(msgspec.Struct, frozen=True):
-    """Rows of columns, nuisances and gap, `values` (n, k + q + 1) [W]: those about the mean of a phase of a fold, and these
-    means, both times the square root of the number of their blocks.
+    """Rows of columns, nuisances and gap, `values` (n, k + q + 1) [W]: those about the mean of a
+    phase of a fold, and these means, both times the square root of the number of their blocks.
 
-    `fold`, `kind` (of path and phase) and `of_mean` (n,) are those of each row, `variance` (kinds, 2) is that of the gap [W2].
+    `fold`, `kind` (of path and phase) and `of_mean` (n,) are those of each row, `variance` (kinds,
+    2) is that of the gap [W2].
     """
 
     values: Signal
@@ -98,9 +104,11 @@ def folds_of(cycle: Index) -> Index:
 
 
 def noise_of(data: StageData, rows: StageRows) -> StageNoise:
-    """Noise of the gap of some rows in the residual of all laws together, in a few rounds of fit and residual.
+    """Noise of the gap of some rows in the residual of all laws together, in a few rounds of fit
+    and residual.
 
-    Errors of sensors of a power that comes out take no part: with those of the power that goes in they imitate any gap.
+    Errors of sensors of a power that comes out take no part: with those of the power that goes in
+    they imitate any gap.
     """
     paths, plain = len(data.paths), np.concatenate([data.plain, np.ones(rows.known.shape[1], dtype=bool)])
     precision = np.where(np.arange(plain.size) < len(data.names), 0.0, 1.0)[plain]
@@ -137,10 +145,11 @@ def noise_of(data: StageData, rows: StageRows) -> StageNoise:
 
 
 def _split(rows: StageRows, paths: int) -> tuple[Signal, Index, Index, Index]:
-    """Values, fold, kind and whether it is a mean of the rows of a fit, as in `StageNoise`, in the order of the folds.
+    """Values, fold, kind and whether it is a mean of the rows of a fit, as in `StageNoise`, in the
+    order of the folds.
 
-    Rows about a mean have the gap of one half of the samples beside the columns of the other half: noise of a channel that is in
-    both would otherwise explain itself.
+    Rows about a mean have the gap of one half of the samples beside the columns of the other half:
+    noise of a channel that is in both would otherwise explain itself.
     """
 
     def summed(key: Index, x: Signal) -> Signal:
@@ -167,8 +176,9 @@ def _split(rows: StageRows, paths: int) -> tuple[Signal, Index, Index, Index]:
 
 
 class StageProblem(msgspec.Struct, frozen=True):
-    """Powers of stages as a problem of `search`: whitened columns, nuisances and gap, `rows` (n, k + q + 1) [1], in groups of one
-    fold each, (n,). `rarer` are suspects that the rig file knows better than others.
+    """Powers of stages as a problem of `search`: whitened columns, nuisances and gap, `rows` (n, k
+    + q + 1) [1], in groups of one fold each, (n,). `rarer` are suspects that the rig file knows
+    better than others.
     """
 
     suspects: Suspects
@@ -187,7 +197,9 @@ class StageProblem(msgspec.Struct, frozen=True):
         return ()
 
     def price(self, name: str) -> float:
-        """Logarithm of the number of suspects, and more for what the rig file states with its uncertainty [1]."""
+        """Logarithm of the number of suspects, and more for what the rig file states with its
+        uncertainty [1].
+        """
         return math.log(max(len(self.suspects), 2)) + (RARER if name in self.rarer else 0.0)
 
     @property
@@ -211,7 +223,9 @@ class StageProblem(msgspec.Struct, frozen=True):
 
 
 class StageFit(msgspec.Struct, frozen=True):
-    """What a search found for the whitened `rows` that take part in choice and fit, and the probability of the sets."""
+    """What a search found for the whitened `rows` that take part in choice and fit, and the
+    probability of the sets.
+    """
 
     data: StageData
     noise: StageNoise
@@ -235,7 +249,8 @@ class StageFit(msgspec.Struct, frozen=True):
     def residual(self, fit: Fit) -> Signal:
         """Measured minus predicted power of the judged rows, (m,) [W].
 
-        Withheld ones by the fit as it is, others by that without their fold, which follows from the quadratic about the fit.
+        Withheld ones by the fit as it is, others by that without their fold, which follows from the
+        quadratic about the fit.
         """
         rows, own, size, groups = self.data.judged, self.own(fit), fit.x.size, self.found.problem.groups
         left: Signal = rows.gap - self.power(rows, fit) - rows.known @ fit.nu
@@ -254,7 +269,9 @@ class StageFit(msgspec.Struct, frozen=True):
 
 
 def fit_of(data: StageData) -> StageFit:
-    """Search the suspects that explain the rows that take part in choice and fit, and weigh sets of them."""
+    """Search the suspects that explain the rows that take part in choice and fit, and weigh sets of
+    them.
+    """
     noise = noise_of(data, data.fitted)
     rows = noise.whitened(noise.variance)
     rows = rows / math.sqrt(_dependence(data, rows, noise.fold))
@@ -267,8 +284,8 @@ def fit_of(data: StageData) -> StageFit:
 
 
 def linear_search(problem: StageProblem) -> Found:
-    """Find the set with the most evidence of a linear problem: in closed form about the fit of all suspects, whose
-    residuals show the noise, and then about the best set itself.
+    """Find the set with the most evidence of a linear problem: in closed form about the fit of all
+    suspects, whose residuals show the noise, and then about the best set itself.
     """
     marginal, every = marginal_about(problem, [], np.zeros(problem.nuisances)), tuple(sorted(problem.suspects))
     null = fit_set(problem, marginal, ())
@@ -286,7 +303,9 @@ def linear_search(problem: StageProblem) -> Found:
 
 
 def most_probable(fit: StageFit) -> StageFit:
-    """The fit of the most probable set: for a prediction no law needs clearly more evidence than another."""
+    """The fit of the most probable set: for a prediction no law needs clearly more evidence than
+    another.
+    """
     found, names = fit.found, max(fit.probability, key=lambda names: fit.probability[names])
     if names == found.best.names:
         return fit
@@ -334,7 +353,8 @@ def _sets(names: Sequence[str], found: Found) -> list[Names]:
 
 
 def independent(columns: Signal, precision: Signal) -> Signal:
-    """Inverse of the squares of columns, (k, k) from (n, k), where they may depend on each other and differ in size.
+    """Inverse of the squares of columns, (k, k) from (n, k), where they may depend on each other
+    and differ in size.
 
     Parameters
     ----------
@@ -349,8 +369,8 @@ def independent(columns: Signal, precision: Signal) -> Signal:
 
 
 def _dependence(data: StageData, rows: Signal, fold: Index) -> float:
-    """Number of whitened coefficients for each independent one, at least 1: scores of whole folds against the curvature (the
-    composite likelihood of Pauli, Racugno and Ventura 2011).
+    """Number of whitened coefficients for each independent one, at least 1: scores of whole folds
+    against the curvature (the composite likelihood of Pauli, Racugno and Ventura 2011).
     """
     plain, gap = np.flatnonzero(data.plain), rows[:, -1]
     known = np.arange(len(data.names), rows.shape[1] - 1)

@@ -1,12 +1,12 @@
-"""Map of the loss between two stages over motion and load: the laws that the logs show, with their band, for look-up tables.
+"""Map of the loss between two stages over motion and load: the laws that the logs show, with their
+band, for look-up tables.
 
-The laws of a map are made of its two axes alone, speed and torque for a shaft, so that they have a value at every place; where the
-axes are those of the stage that the power goes to, the share of the power that goes in follows from what comes out.
+The laws of a map are made of its two axes alone, speed and torque for a shaft, so that they have a
+value at every place. A share of the power is a share of the power at the axes.
 """
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -14,11 +14,11 @@ import numpy as np
 
 from winchcascade.core.errors import LogError, RigError
 from winchcascade.core.run import Mask, Signal
-from winchcascade.diagnosis.causes import parameters_of, posterior_of
+from winchcascade.diagnosis.causes import COVERED
 from winchcascade.diagnosis.diagnosis_result import Entries, Reported
-from winchcascade.diagnosis.stages.laws import SIGNALS, StagePath, StageSignals, paths_of
 from winchcascade.diagnosis.stages.stage_causes import stage_causes
 from winchcascade.diagnosis.stages.stage_fit import StageFit, fit_of, most_probable
+from winchcascade.diagnosis.stages.stage_laws import StagePath, StageSignals, paths_of
 from winchcascade.diagnosis.stages.stage_rows import StageData, stage_data
 from winchcascade.rig.effects.catalogue import EFFECTS
 
@@ -29,11 +29,12 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Run
 
 BREAKPOINTS = 25
-"""Breakpoints of each axis of the table: linear interpolation of a quadratic surface between them errs by less than a thousandth
-of its curvature over the whole range."""
+"""Breakpoints of each axis of the table: linear interpolation of a quadratic surface between them
+errs by less than a thousandth of its curvature over the whole range."""
 
 EDGE = 1e-9
-"""A place that lies outside of the hull by less than this share of its extent lies on its edge. [1]"""
+"""A place that lies outside of the hull by less than this share of its extent lies on its edge.
+[1]"""
 
 
 class MappedLaw(msgspec.Struct, frozen=True):
@@ -56,8 +57,10 @@ class LossMap(msgspec.Struct, frozen=True):
     loss, u_loss : (m, n) loss and its standard uncertainty, also where no data lie [W]
     inside : (m, n) places within the hull of the points
     hull : (k, 2) its corners, motion and load, anticlockwise
-    points : (p, 6) motion, load, power that goes in, that comes out, that is stored [W], and time [s] of each point
-    held_out : root mean square of measured minus predicted loss of points that took no part in the fit [W]
+    points : (p, 6) motion, load, power that goes in, that comes out, that is stored [W], and time
+        [s] of each point
+    held_out : root mean square of measured minus predicted loss of points that took no part in the
+        fit [W]
     energy : lost in all points together [J]
     """
 
@@ -87,7 +90,8 @@ class LossMap(msgspec.Struct, frozen=True):
 
 
 def mapped_path(runs: Sequence[Run], rig: Rig) -> StagePath:
-    """The path that a map is made of: the shaft beside its terminals, else the first that has two axes.
+    """The path that a map is made of: the shaft beside its terminals, else the first that has two
+    axes.
 
     Raises
     ------
@@ -122,21 +126,19 @@ def make_loss_map(runs: Sequence[Run], rig: Rig) -> LossMap:
     moves = rows.axes[:, 0] != 0.0
     if not moves.any():
         raise LogError(
-            f"{runs[0].name}: no operating point for a loss map, as {data.axes[0][0]} is 0 throughout; expected a stage at work."
+            f"{runs[0].name}: no operating point for a loss map, as {data.axes[0][0]} is 0 throughout; "
+            "expected a stage at work."
         )
     motion, load = (np.linspace(float(x.min()), float(x.max()), BREAKPOINTS) for x in places[moves].T)
     grid = np.stack(np.meshgrid(motion, load), axis=-1)
-    loss, slopes = _surface(fit, path, grid)
+    loss, slopes = _surface(fit, grid)
     covariance = fit.covariance(best)
     hull, inside = convex_hull(places[moves], grid)
-    stores = [one.law.kind in ("store", "gas", "exchange") for one in data.laws.values()]
-    numbers = np.zeros(len(data.names))
-    numbers[fit.own(best)] = best.x
-    stated = np.array([0.0 if one.stated is None else one.stated.value for one in data.laws.values()])
-    stored = -rows.columns[:, stores] @ (numbers + stated)[stores]
-    losses = [not store for store in stores]
-    given = rows.given - rows.columns[:, stores] @ stated[stores] - rows.columns[:, losses] @ stated[losses]
-    points = np.column_stack([places, given, rows.given + rows.gap, stored, rows.width])[moves]
+    numbers, stated = data.numbers(best.names, best.x), data.numbers()
+    stores = np.array([one.law.kind not in ("loss", "gain", "zero") for one in data.laws.values()])
+    stored = -rows.columns[:, stores] @ numbers[stores]
+    powers = rows.given - rows.columns @ stated, rows.given + rows.gap, stored
+    points = np.column_stack([places, *powers, rows.width])[moves]
     lost = points[:, 2] - points[:, 3] - points[:, 4]
     return LossMap(
         fit=fit,
@@ -156,47 +158,40 @@ def make_loss_map(runs: Sequence[Run], rig: Rig) -> LossMap:
 
 
 def _laws(fit: StageFit) -> tuple[MappedLaw, ...]:
-    """Laws of a map: those of the fit, and those that the rig file states and the fit leaves as they are."""
-    data, posterior = fit.data, posterior_of(fit.found, fit.found.best)
-    found = {cause.effect: cause for cause in stage_causes(fit)}
-    rows = []
-    for name, one in data.laws.items():
-        effect = data.suspects[name]
-        if name in found:
-            number = next(iter(parameters_of(posterior, effect, name).values()))
-            rows.append(MappedLaw(name, effect.label, number, tuple(a.effect for a in found[name].look_alikes)))
+    """Laws of a map: those of the fit, and those that the rig file states and the fit leaves as
+    they are.
+    """
+    found, rows = {cause.effect: cause for cause in stage_causes(fit)}, []
+    for name, one in fit.data.laws.items():
+        label, own = fit.data.suspects[name].label, found.get(name)
+        if own is not None:
+            alike = tuple(other.effect for other in own.look_alikes)
+            rows.append(MappedLaw(name, label, next(iter(own.parameters.values())), alike))
         elif one.stated is not None:
-            value, half = one.stated.value, 1.96 * one.stated.u
-            rows.append(MappedLaw(name, effect.label, Reported(value, value - half, value + half, one.law.unit), ()))
+            value, half = one.stated.value, COVERED * one.stated.u
+            rows.append(MappedLaw(name, label, Reported(value, value - half, value + half, one.law.unit), ()))
     return tuple(rows)
 
 
-def _surface(fit: StageFit, path: StagePath, grid: Signal) -> tuple[Signal, Signal]:
-    """Loss over a grid of motion and load, (m, n) [W], and its derivative over the numbers of the fit, (m, n, k)."""
+def _surface(fit: StageFit, grid: Signal) -> tuple[Signal, Signal]:
+    """Loss over a grid of motion and load, (m, n) [W], and its derivative over the numbers of the
+    fit, (m, n, k).
+    """
     data, best = fit.data, fit.found.best
-    flat = grid.reshape(-1, 2).T
-    power = np.abs(flat[0] * flat[1])
-    signals = dict(zip(data.axes[0], flat, strict=True)) | {"power_in": power, "drive": power}
-    one = StageSignals(np.arange(power.size, dtype=np.float64), power, power, signals, {}, {})
-    numbers = dict(zip(best.names, best.x.tolist(), strict=True))
-    loss, share, columns = np.zeros(power.size), 0.0, {}
-    for name, law in data.laws.items():
-        number = numbers.get(name, 0.0) + (0.0 if law.stated is None else law.stated.value)
-        if law.law.kind != "loss" or number == 0.0:
-            continue
-        columns[name] = -one.column(law.law)
-        loss += number * columns[name]
-        share += number if "power_in" in law.law.over else 0.0
-    own = {SIGNALS.get(dimension, dimension) for dimension in ("rotation", "velocity", "torque", "force")}
-    outgoing = path.out.name == "mech" and own >= {*data.axes[0]}
-    raised = 1.0 / max(1.0 - share, 1e-3) if outgoing else 1.0
-    slopes = [columns.get(name, np.zeros(power.size)) * raised for name in best.names]
-    shape = grid.shape[:-1]
-    return (loss * raised).reshape(shape), np.array(slopes).reshape(len(slopes), -1).T.reshape(*shape, len(slopes))
+    x, y = grid.reshape(-1, 2).T
+    power = np.abs(x * y)
+    signals = {**dict(zip(data.axes[0], (x, y), strict=True)), "power": power, "drive": power}
+    one = StageSignals(np.zeros(power.size), power, power, signals, {}, {})
+    losses = [law.law.kind == "loss" for law in data.laws.values()]
+    columns = [-one.column(law.law) * loss for law, loss in zip(data.laws.values(), losses, strict=True)]
+    slopes = np.array(columns).T
+    shape = (*grid.shape[:-1], len(best.names))
+    return (slopes @ data.numbers(best.names, best.x)).reshape(shape[:-1]), slopes[:, fit.own(best)].reshape(shape)
 
 
 def convex_hull(points: Signal, places: Signal) -> tuple[Signal, Mask]:
-    """Corners of the convex hull of points, (k, 2), anticlockwise from the least x, and whether places, (..., 2), lie in it.
+    """Corners of the convex hull of points, (k, 2), anticlockwise from the least x, and whether
+    places, (..., 2), lie in it.
 
     Of points on a line the corners are the two ends, and no place lies in it.
 

@@ -1,4 +1,6 @@
-"""Logs of a cascade as one table: a row for each block and path, with its powers and what one unit of each law adds."""
+"""Logs of a cascade as one table: a row for each block and path, with its powers and what one unit
+of each law adds.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +16,12 @@ from winchcascade.core.log_thresholds import with_thresholds
 from winchcascade.core.run import CLOCK, Index, Mask, Run, Signal
 from winchcascade.core.scales import motion_of_runs
 from winchcascade.diagnosis.block_means import MIN_SAMPLES, PHASES, Blocks, blocks_of, in_a_row
-from winchcascade.diagnosis.stages.laws import (
-    AXES,
+from winchcascade.diagnosis.stages.stage_laws import (
     TOP,
     StagePath,
     StageSignals,
     Suspecteds,
+    axes_of,
     effects_of,
     paths_of,
     stage_signals,
@@ -37,21 +39,28 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.suspects import Suspects
 
 PARTS_OF_RUN = (*PHASES, "window")
-"""Phases by the number that a block carries; of a bench whose cycles are found in no motion all is one window."""
+"""Phases by the number that a block carries; of a bench whose cycles are found in no motion all is
+one window."""
 
 FINER = 0.1
 """Length of the blocks of a winch, whose ramps take long, over those of a rig with a model. [1]"""
 
 BLOCK_LENGTH = 5 / 6
-"""Length of the blocks of a shaft as a share of the width that smooths its motion: longer than the ringing of the shaft, shorter
-than an acceleration. [1]"""
+"""Length of the blocks of a shaft as a share of the width that smooths its motion: longer than the
+ringing of the shaft, shorter than an acceleration. [1]"""
 
 MIN_BLOCKS = 30
 """Minimum number of blocks of a log of a winch: five for each of its laws."""
 
 
+NOTHING = np.zeros(0)
+"""Numbers of no suspect."""
+
+
 class StagePart(msgspec.Struct, frozen=True):
-    """What one entry of a campaign takes of a log: its first and last cycle, and the number of samples in its blocks."""
+    """What one entry of a campaign takes of a log: its first and last cycle, and the number of
+    samples in its blocks.
+    """
 
     run: Run
     withheld: bool
@@ -62,12 +71,14 @@ class StagePart(msgspec.Struct, frozen=True):
 class StageRows(msgspec.Struct, frozen=True):
     """Means over blocks of all parts and paths in a row, (m,) each.
 
-    `part` and `path` are their numbers, `blocks` has phase and cycle (numbered so that no two parts share one), `own_cycle` the
-    number of the cycle within its log, `t` the middle of the block on the clock of the log and `width` the time that it stands
-    for [s]. `given` is the power that goes in less the stated laws, and `gap` the power that comes out minus that [W]. `columns`
-    (m, suspects) are the powers that one unit of each coefficient adds [W], `known` (m, q) those that one standard uncertainty
-    of what is known of sensors and stated laws adds [W]. `halves` (m, 2, k + q + 1) are columns, known and gap once more: the gap of
-    every other sample with the rest of those between. `axes` (m, 2) are the signals that a path is mapped over.
+    `part` and `path` are their numbers, `blocks` has phase and cycle (numbered so that no two parts
+    share one), `own_cycle` the number of the cycle within its log, `t` the middle of the block on
+    the clock of the log and `width` the time that it stands for [s]. `given` is the power that goes
+    in less the stated laws, and `gap` the power that comes out minus that [W]. `columns` (m,
+    suspects) are the powers that one unit of each coefficient adds [W], `known` (m, q) those that
+    one standard uncertainty of what is known of sensors and stated laws adds [W]. `halves` (m, 2, k
+    + q + 1) are columns, known and gap once more: the gap of every other sample with the rest of
+    those between. `axes` (m, 2) are the signals that a path is mapped over.
     """
 
     part: Index
@@ -110,6 +121,14 @@ class StageData(msgspec.Struct, frozen=True):
     def names(self) -> tuple[str, ...]:
         """Names of the suspects, in the order of the columns."""
         return tuple(self.suspects)
+
+    def numbers(self, names: Sequence[str] = (), x: Signal = NOTHING) -> Signal:
+        """Numbers of all suspects, (suspects,): what the rig file states, and what a fit of some of
+        them adds.
+        """
+        added = dict(zip(names, x.tolist(), strict=True))
+        stated = {name: one.stated.value for name, one in self.laws.items() if one.stated is not None}
+        return np.array([stated.get(name, 0.0) + added.get(name, 0.0) for name in self.names])
 
     @property
     def plain(self) -> Mask:
@@ -159,7 +178,7 @@ def stage_data(
     rig = with_thresholds(rig, entries.runs)
     chosen = tuple(paths) or paths_of(entries.runs, rig)
     first = [stage_signals(entries.runs[0], rig, path) for path in chosen]
-    axes = tuple(next((pair for pair in AXES if {*pair} <= one.signals.keys()), ("", "")) for one in first)
+    axes = tuple(axes_of(one.signals) for one in first)
     laws = suspected_laws(first, chosen, rig, suspects, [name for pair in axes for name in pair] if mapped else ())
     if not laws:
         raise OptionError(
@@ -181,11 +200,7 @@ def stage_data(
         samples = table.some(table.path == table.path[0]).blocks.count.sum()
         parts.append(StagePart(run, k in entries.withheld, ends, int(samples)))
         tables.append(table)
-    rest = [name for name in StageRows.__struct_fields__ if name != "blocks"]
-    rows = StageRows(
-        blocks=in_a_row([table.blocks for table in tables]),
-        **{name: np.concatenate([getattr(table, name) for table in tables]) for name in rest},
-    )
+    rows = _joined(tables, in_a_row([table.blocks for table in tables]))
     fitted = rows.some(~np.array([part.withheld for part in parts])[rows.part])
     power = np.array([np.linalg.norm((fitted.gap + fitted.given)[fitted.path == p]) for p in range(len(chosen))])
     sizes = np.linalg.norm(fitted.columns, axis=0)
@@ -287,10 +302,15 @@ def _rows_of(
                 halves=np.stack([half.T for half in beside], axis=1),
             )
         )
-    rest = [name for name in StageRows.__struct_fields__ if name != "blocks"]
-    blocks = Blocks(*(np.concatenate([getattr(t.blocks, n) for t in tables]) for n in Blocks.__struct_fields__))
-    rows = StageRows(blocks=blocks, **{n: np.concatenate([getattr(t, n) for t in tables]) for n in rest})
+    every = zip(*(msgspec.structs.astuple(table.blocks) for table in tables), strict=True)
+    rows = _joined(tables, Blocks(*map(np.concatenate, every)))
     return rows.some(np.lexsort((rows.path, rows.t, rows.own_cycle)))
+
+
+def _joined(tables: Sequence[StageRows], blocks: Blocks) -> StageRows:
+    """Several tables in a row, with their blocks."""
+    rest = [name for name in StageRows.__struct_fields__ if name != "blocks"]
+    return StageRows(blocks=blocks, **{name: np.concatenate([getattr(t, name) for t in tables]) for name in rest})
 
 
 def _logged(run: Run, rig: Rig, path: StagePath) -> Mask:
@@ -305,8 +325,9 @@ def _logged(run: Run, rig: Rig, path: StagePath) -> Mask:
 
 
 def _known(run: Run, rig: Rig, one: StageSignals, laws: Suspecteds, path: int, number: tuple[int, int]) -> list[Signal]:
-    """What one standard uncertainty adds to power out minus power in, (n,) each: of the stated laws and of the gains of the
-    sensors, which all logs share, and of the zeros of the sensors, which each log has of its own. [W]
+    """What one standard uncertainty adds to power out minus power in, (n,) each: of the stated laws
+    and of the gains of the sensors, which all logs share, and of the zeros of the sensors, which
+    each log has of its own. [W]
     """
     none = np.zeros(run.t.size)
     stated = [(law, law.stated.u) for law in laws.values() if law.stated is not None and law.stated.u]
@@ -321,7 +342,9 @@ def _known(run: Run, rig: Rig, one: StageSignals, laws: Suspecteds, path: int, n
 
 
 def _blocks(run: Run, rig: Rig, asked: tuple[int, int] | None) -> Blocks:
-    """Blocks of a log: by the phases of its motion, or of a bench pieces of the windows of its cycles."""
+    """Blocks of a log: by the phases of its motion, or of a bench pieces of the windows of its
+    cycles.
+    """
     if _by_motion(run, rig):
         return blocks_of(run, rig, FINER * motion_of_runs([run]).ramp, asked)
     cycles = [cycle for cycle in reduce(run, rig=rig).complete if asked is None or asked[0] <= cycle.cycle <= asked[1]]

@@ -1,4 +1,6 @@
-"""Figures of stages without a model: the power that comes out over time, and over what is predicted."""
+"""Figures of stages without a model: the power that comes out over time, and over what is
+predicted.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,9 @@ def prefix(size: float) -> tuple[float, str]:
 
 
 def power_history(found: StageDiagnosis, word: str) -> Figure:
-    """Draw the power of two cycles over time, with the residual below, and the largest gap of them enlarged."""
+    """Draw the power of two cycles over time, with the residual below, and the largest gap of them
+    enlarged.
+    """
     judged = found.data.judged
     own_rows = (judged.part == judged.part[0]) & (judged.path == _widest(found))
     rows = judged.some(own_rows)
@@ -74,7 +78,9 @@ def power_history(found: StageDiagnosis, word: str) -> Figure:
 
 
 def power_scatter(found: StageDiagnosis, word: str) -> Figure | None:
-    """Draw measured over predicted power, by the line alone and with the causes, at blocks spread over the judged cycles."""
+    """Draw measured over predicted power, by the line alone and with the causes, at blocks spread
+    over the judged cycles.
+    """
     if found.closure is None:
         return None
     here = found.closure.rows.path == _widest(found)

@@ -51,21 +51,16 @@ def loss_map_section(found: LossMap, drawn: Sequence[Picture | None] = ()) -> Se
 
 
 def loss_map_pictures(found: LossMap) -> list[Picture | None]:
-    """Heat map, and cuts through it. Called within the style of figures."""
-    from winchcascade.report.figures.loss_map_figures import cuts_figure, loss_figure
+    """Heat map of the loss and of its band. Called within the style of figures."""
+    from winchcascade.report.figures.loss_map_figures import loss_figure
 
     into, out = found.path.into.name, found.path.out.name
     motion, load = (f"{upper(name)} ({unit})" for name, unit in (AXES[axis] for axis in found.axes))
     return [
         picture(
             loss_figure(found, (motion, load)), "loss-heat",
-            f"Power lost from {into} to {out}, and the operating points; hatched: no data.",
-            "Heat map of the loss with dots at the operating points; the laws are in the table.",
-        ),
-        picture(
-            cuts_figure(found, (motion, load)), "loss-cuts",
-            f"Power lost from {into} to {out} with its 95 % band, and the operating points near each load.",
-            "Lines with bands over the motion, with dots at the operating points.",
+            f"Power lost from {into} to {out}, its 95 % band, and the operating points; hatched: no data.",
+            "Heat maps of the loss and its band with dots at the operating points; the laws are in the table.",
         ),
     ]  # fmt: skip
 
@@ -92,13 +87,17 @@ def campaign_loss_map_report(
 
 
 def _half(one: MappedLaw) -> float | None:
-    """Half the width of an interval, which decides its digits; None for one that is not determined."""
+    """Half the width of an interval, which decides its digits; None for one that is not
+    determined.
+    """
     half = (one.number.high - one.number.low) / 2.0
     return half if math.isfinite(half) and half > 0.0 else None
 
 
 def _quality(found: LossMap) -> list[tuple[str, Cell]]:
-    """Number and range of the points, how much is lost, and how well the laws meet points that took no part in the fit."""
+    """Number and range of the points, how much is lost, and how well the laws meet points that took
+    no part in the fit.
+    """
     parts = found.data.parts
     share = 100.0 * found.held_out / max(float(np.mean(np.abs(found.lost))), 1e-300)
     ranges = [

@@ -1,4 +1,6 @@
-"""What the diagnosis of stages without a model states: causes, energies by stage, sets that were tried."""
+"""What the diagnosis of stages without a model states: causes, energies by stage, sets that were
+tried.
+"""
 
 from __future__ import annotations
 
@@ -100,7 +102,9 @@ def _others_table(found: StageDiagnosis) -> Table[EffectNumber] | None:
 
 # -------------------------------------------------------------------------------------------------------------- energies
 class PhaseEnergy(NamedTuple):
-    """Energy of all judged cycles at a stage in a phase [J], and by which share predictions deviate, also in the worst cycle."""
+    """Energy of all judged cycles at a stage in a phase [J], and by which share predictions
+    deviate, also in the worst cycle.
+    """
 
     stage: str
     phase: str
@@ -111,7 +115,9 @@ class PhaseEnergy(NamedTuple):
 
 
 def _energies_table(found: StageDiagnosis) -> Table[PhaseEnergy] | None:
-    """Energies of the judged cycles by stage and phase: measured, and how far predictions deviate."""
+    """Energies of the judged cycles by stage and phase: measured, and how far predictions
+    deviate.
+    """
     rows = []
     for stage, phase in dict.fromkeys((one.stage, one.phase) for one in found.energies if one.phase != "hold"):
         own = [one for one in found.energies if (one.stage, one.phase) == (stage, phase) and one.measured]

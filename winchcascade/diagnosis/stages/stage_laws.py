@@ -1,9 +1,11 @@
-"""Laws of the stages of a cascade: which of them act between two powers, and the power that one unit of each takes.
+"""Laws of the stages of a cascade: which of them act between two powers, and the power that one
+unit of each takes.
 
-Between two stages the energy is conserved: what comes out is what goes in, less losses and less what stores take up. Each of
-these is a number times a signal, so that power out minus power in is linear in the numbers. A sensor that reads (1 + g) x + o
-gives x = (1 - h) x_read - o', with h = g / (1 + g) and o' = o / (1 + g), which is linear in h and o'. A store takes up
-d(x^2 / 2)/dt, whose mean over a block is a difference between its ends: no slope has to be smoothed.
+Between two stages the energy is conserved: what comes out is what goes in, less losses and less
+what stores take up. Each of these is a number times a signal, so that power out minus power in is
+linear in the numbers. A sensor that reads (1 + g) x + o gives x = (1 - h) x_read - o', with h = g /
+(1 + g) and o' = o / (1 + g), which is linear in h and o'. A store takes up d(x^2 / 2)/dt, whose
+mean over a block is a difference between its ends: no slope has to be smoothed.
 """
 
 from __future__ import annotations
@@ -47,10 +49,21 @@ MOTIONS = {
     "current": 0,
     "pressure": 0,
 }
-"""Signals that grow with the motion of a stage (1), and with its load (0), as in a machine with magnets or with pistons."""
+"""Signals that grow with the motion of a stage (1), and with its load (0), as in a machine with
+magnets or with pistons."""
 
-AXES = (("velocity", "force"), ("speed", "torque"), ("flow", "pressure"), ("voltage", "current"))
+AXES = (("velocity", "force"), ("flow", "pressure"), ("speed", "torque"), ("voltage", "current"))
 """Pairs of signals that a stage is mapped over: the first that it has."""
+
+
+def axes_of(signals: Collection[str]) -> tuple[str, str]:
+    """Motion and load that a stage is mapped over; empty where it has no pair.
+
+    >>> axes_of(("speed", "torque", "voltage", "current"))
+    ('speed', 'torque')
+    """
+    return next((pair for pair in AXES if {*pair} <= {*signals}), ("", ""))
+
 
 MEASURING = ("force", "torque", "voltage", "current", "flow", "pressure")
 """Dimensions of the channels whose sensors are suspected: encoders and logged powers are not."""
@@ -65,7 +78,8 @@ TOP = 0.9
 """Quantile of the magnitude of a signal that a zero of its sensor is compared with. [1]"""
 
 BROKEN = 3.0
-"""Bound of an error of a sensor, as a multiple of its plausible range: beyond it the sensor is broken or has a wrong unit. [1]"""
+"""Bound of an error of a sensor, as a multiple of its plausible range: beyond it the sensor is
+broken or has a wrong unit. [1]"""
 
 FAR = 100.0
 """Bound of a number, as a multiple of what would take all power. [1]"""
@@ -95,9 +109,11 @@ class StagePath(msgspec.Struct, frozen=True):
 
 
 class Suspected(msgspec.Struct, frozen=True):
-    """A law that may act: on one path by its number or, where `path` is -1, through a sensor `channel` on all paths.
+    """A law that may act: on one path by its number or, where `path` is -1, through a sensor
+    `channel` on all paths.
 
-    `stated` is what the rig file states of a law; of a sensor it is `known` where it states an uncertainty.
+    `stated` is what the rig file states of a law; of a sensor it is `known` where it states an
+    uncertainty.
     """
 
     law: StageLaw
@@ -112,8 +128,8 @@ Suspecteds = dict[str, Suspected]
 
 
 class StageSignals(msgspec.Struct, frozen=True):
-    """One path in one log: both powers (n,) [W], signals of the laws by name (n,) in SI units, what one unit of h and of o' of a
-    sensor adds to power out minus power in, by channel.
+    """One path in one log: both powers (n,) [W], signals of the laws by name (n,) in SI units, what
+    one unit of h and of o' of a sensor adds to power out minus power in, by channel.
     """
 
     t: Signal
@@ -141,7 +157,9 @@ class StageSignals(msgspec.Struct, frozen=True):
 
 
 def _sized(x: Signal, power: int) -> Signal:
-    """A power of the magnitude of a signal; about zero an odd one is smooth, so that noise is not rectified."""
+    """A power of the magnitude of a signal; about zero an odd one is smooth, so that noise is not
+    rectified.
+    """
     if power % 2 == 0:
         return x**power
     return np.asarray(x**power * np.tanh(x / max(REST * float(np.max(np.abs(x))), 1e-300)))
@@ -174,6 +192,7 @@ def stage_signals(run: Run, rig: Rig, path: StagePath) -> StageSignals:
     power_in, power_out = (power.stream(channels, radius)(slice(None)) for power in powers)
     gains: dict[str, Signal] = {}
     zeros: dict[str, Signal] = {}
+    incoming: Collection[str] = ()
     for power, sign in zip(powers, (1.0, -1.0), strict=True):
         found: dict[str, Signal] = {}
         for name in power.channels:
@@ -184,6 +203,7 @@ def stage_signals(run: Run, rig: Rig, path: StagePath) -> StageSignals:
                 zeros[name] = zeros.get(name, 0.0) - sign * slope
             if (signal := SIGNALS.get(dimension)) is not None:
                 found[signal] = found.get(signal, 0.0) + channels[name]
+        incoming = incoming or found.keys()
         own = found | own
     line, shaft = (any(end.name == name for end in (path.into, path.out)) for name in ("line", "mech"))
     if line:
@@ -192,14 +212,18 @@ def stage_signals(run: Run, rig: Rig, path: StagePath) -> StageSignals:
     elif shaft:
         own |= _of_shaft(run, rig, power_in if path.into.name == "mech" else power_out)
         own.pop("velocity", None)
-    own["power_in"] = np.abs(power_in)
+    shaft_goes_in = path.into.name == "mech" and not line
+    at_out = axes_of(own)[0] not in incoming and not shaft_goes_in
+    own["power"] = np.abs(power_out if at_out and "" not in axes_of(own) else power_in)
     if not {path.into.name, path.out.name} <= {"line", "mech"}:
-        own["drive"] = own["power_in"]
+        own["drive"] = own["power"]
     return StageSignals(run.t, power_in, power_out, own, gains, zeros)
 
 
 def _of_shaft(run: Run, rig: Rig, power: Signal) -> dict[str, Signal]:
-    """Speed and torque of the shaft, the torque with the sign of the power; what is not logged follows from power and speed."""
+    """Speed and torque of the shaft, the torque with the sign of the power; what is not logged
+    follows from power and speed.
+    """
     speed = run.channels.get("speed")
     if speed is None:
         if "velocity" not in run.channels or rig.r_drum is None:
@@ -229,7 +253,8 @@ def suspected_laws(
     Parameters
     ----------
     each : signals of every path in one log
-    suspects : effects that may be named; if some effect of the catalogue is none, laws are suspects by their names alone
+    suspects : effects that may be named; if some effect of the catalogue is none, laws are suspects
+        by their names alone
     over : signals that laws may be made of; all by default, and sensors
 
     Raises
@@ -241,7 +266,7 @@ def suspected_laws(
     several: list[tuple[str, Suspected]] = []
     for k, (path, one) in enumerate(zip(paths, each, strict=True)):
         stated, signals = _stated(path, one, rig), set(one.signals)
-        signals &= {*over, "power_in", "drive"} if over else signals
+        signals &= {*over, "power", "drive"} if over else signals
         for name in dict.fromkeys((*allowed, *stated)):
             law = LAWS[name]
             if law.kind in STORES and rig.phases.source == "rows":  # rows of a table are no course of time
@@ -280,18 +305,22 @@ def _acts(law: StageLaw, signals: Collection[str]) -> bool:
 
 
 def _stated(path: StagePath, one: StageSignals, rig: Rig) -> dict[str, StatedLaw]:
-    """Laws of a path that the rig file states: under [laws], and by the numbers of rotor, spring and capacitor."""
-    inertia, gear = rig.drivetrain.inertia_rotor, rig.drivetrain.gear_ratio
+    """Laws of a path that the rig file states: under [laws], and by the numbers of rotor, spring
+    and capacitor.
+    """
+    gear, spring = rig.drivetrain.gear_ratio, rig.drivetrain.k_shaft
     square = 1.0 if gear is None else gear.value**2
-    spring, capacitor = rig.drivetrain.k_shaft, rig.dc_link.c_dc
+    compliance = None if spring is None or not spring.value else -1.0 / spring.value**2
+    parts = {
+        "shaft_inertia": (rig.drivetrain.inertia_rotor, square),
+        "shaft_spring": (spring, compliance),
+        "capacitor": (rig.dc_link.c_dc if path.out.name == "gen" else None, 1.0),
+    }
     found: dict[str, StatedLaw] = {}
-    drives = path.into.name not in ("line", "hyd")
-    if inertia is not None and "speed" in one.signals and drives:
-        found["shaft_inertia"] = StatedLaw(inertia.value * square, "kg.m2", (inertia.u or 0.0) * square)
-    if spring is not None and spring.value and "torque" in one.signals and drives:
-        found["shaft_spring"] = StatedLaw(1.0 / spring.value, "rad/(N.m)", (spring.u or 0.0) / spring.value**2)
-    if capacitor is not None and path.out.name == "gen" and "voltage" in one.signals:
-        found["capacitor"] = StatedLaw(capacitor.value, "F", capacitor.u or 0.0)
+    for name, (part, slope) in parts.items():
+        law = LAWS[name]
+        if part is not None and slope and path.into.name not in ("line", "hyd") and _acts(law, one.signals):
+            found[name] = StatedLaw(abs(part.value * slope), law.unit, abs((part.u or 0.0) * slope))
     for name, stated in rig.laws.get(path.out.name, {}).items():
         place = f"{rig.path}: [laws.{path.out.name}] {name}"
         if name not in LAWS or not _acts(LAWS[name], one.signals):
@@ -308,7 +337,8 @@ def effects_of(
 ) -> dict[str, Effect]:
     """The suspects with the number of each.
 
-    No loss is a source of power, and no range of its number is known beforehand: at most it takes as much power as the stage has.
+    No loss is a source of power, and no range of its number is known beforehand: at most it takes
+    as much power as the stage has.
 
     Parameters
     ----------
