@@ -37,7 +37,7 @@ LAW_UNITS = {
 STATED_U = 0.02
 """Standard uncertainty of a stated law, as a share of its number."""
 
-Truth = dict[str, tuple[str, float]]
+Truth = dict[str, float]
 
 
 def signals_of(into: str, out: str) -> set[str]:
@@ -89,7 +89,7 @@ def drawn(rng: np.random.Generator, hidden: int) -> tuple[dict[str, np.ndarray],
                 numbers[out][name] = float(number)
             outgoing = flowing - lost
         made[out] = end
-    truth = {name: (out, numbers[out][name]) for out, name in chosen}
+    truth = {f"{name}({chain[chain.index(out) - 1]}-{out})": numbers[out][name] for out, name in chosen}
     log = {"time": t}
     text = f'name = "cascade"\n[cascade]\nstages = {list(chain)!r}\n[phases]\nfrom = "whole"\n'.replace("'", '"')
     text += (
@@ -168,21 +168,19 @@ def diagnosed(seed: int, hidden: int) -> tuple[dict[str, Any], Truth]:
 def scored(record: dict[str, Any], truth: Truth) -> dict[str, Any]:
     """Which hidden laws are named, alone or in their class, which names are false and certain, and which intervals hold."""
     causes = {cause["effect"]: cause for cause in record["causes"]}
-    own = {name.partition("(")[0]: cause for name, cause in causes.items()}
+    same = {name: name for name in truth} | {
+        name.partition("(")[0]: name for name in truth
+    }  # of one stage alone no stage is named
+    own = {same[name]: cause for name, cause in causes.items() if name in same}
     exact = [name for name in truth if name in own]
-    alike = [
-        name
-        for name in truth
-        for cause in causes.values()
-        if name in {one["effect"].partition("(")[0] for one in cause["look_alikes"]}
-    ]
+    alike = [same[one["effect"]] for cause in causes.values() for one in cause["look_alikes"] if one["effect"] in same]
     certain = [name for name, one in causes.items() if one["probability"] >= 0.95 and not one["look_alikes"]]
     numbers = {name: next(iter(own[name]["parameters"].values())) for name in exact}
     return {
         "exact": exact,
         "named": sorted({*exact, *alike}),
-        "false": [name for name in certain if name.partition("(")[0] not in truth],
-        "inside": [bool(one["low"] <= truth[name][1] <= one["high"]) for name, one in numbers.items()],
+        "false": [name for name in certain if name not in same],
+        "inside": [bool(one["low"] <= truth[name] <= one["high"]) for name, one in numbers.items()],
         "causes": {name: round(one["probability"], 2) for name, one in causes.items()},
         "verdict": record["verdict"],
     }

@@ -48,8 +48,8 @@ def diagnose_command(
     which run to make next.
 
     The numbers of the rig file enter as they are, or as before their calibration. Without --withhold and without withheld
-    runs, each load is held out once. A winch without a model is diagnosed from line tension, speed and mechanical power; its
-    cycles are held out in turn.
+    runs, each load is held out once. Stages of a rig without a model are diagnosed from the powers at
+    both ends; their cycles are held out in turn.
     """
     one_thread_each()
     from winchcascade.batch.campaign_diagnosis import diagnose_listed

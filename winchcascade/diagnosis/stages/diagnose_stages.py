@@ -32,7 +32,7 @@ from winchcascade.diagnosis.gap_map import weigh
 from winchcascade.diagnosis.stages.stage_causes import is_material, is_steady, plan, stage_causes
 from winchcascade.diagnosis.stages.stage_fit import StageFit, fit_of, folds_of
 from winchcascade.diagnosis.stages.stage_rows import PARTS_OF_RUN, StageData, StageRows, stage_data
-from winchcascade.diagnosis.verdict_limits import CHANCE, HALF, MOSTLY, ROUGH
+from winchcascade.diagnosis.verdict_limits import CHANCE, HALF, MOSTLY, OPEN, ROUGH
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -122,6 +122,8 @@ def diagnose_stages(
     verdict = _verdict(closure, remainder, causes, candidates)
     places, experiment = _places(data), plan(fit, causes)
     no_gap = verdict == "no_gap"
+    if verdict == "partly_explained":  # what else acts, a cause may imitate
+        causes, candidates, fitted = (tuple(map(_doubted, several)) for several in (causes, candidates, fitted))
     causes, candidates = ((), ()) if verdict == "unexplained" else (causes, candidates)
     largest = max(places, key=lambda place: place.share)
     return StageDiagnosis(
@@ -145,6 +147,11 @@ def diagnose_stages(
         places=places,
         energies=energies,
     )
+
+
+def _doubted(cause: NamedCause) -> NamedCause:
+    """A cause with the posterior that it may have while something else acts."""
+    return msgspec.structs.replace(cause, probability=min(cause.probability, OPEN))
 
 
 def _verdict(

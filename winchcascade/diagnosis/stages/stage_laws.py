@@ -278,8 +278,10 @@ def suspected_laws(
         found[name if names.count(name) == 1 else f"{name}({paths[one_law.path].name})"] = one_law
     if over:
         return found
+    # a balance of powers has no scale of its own: the sensors at its end are the reference of the others
+    reference = {name for power in paths[-1].out.powers for name in power.channels}
     for channel in dict.fromkeys(name for one in each for name in one.gains):
-        for part in PARTS:
+        for part in PARTS[channel in reference :]:
             name = sensor_suspect(channel, part)
             if name in suspects or (name not in EFFECTS and part in allowed):
                 sensor = rig.sensors.get(channel)

@@ -181,7 +181,7 @@ def _surface(fit: StageFit, grid: Signal) -> tuple[Signal, Signal]:
     x, y = grid.reshape(-1, 2).T
     power = np.abs(x * y)
     signals = {**dict(zip(data.axes[0], (x, y), strict=True)), "power": power, "drive": power}
-    one = StageSignals(np.zeros(power.size), power, power, signals, {}, {})
+    one = StageSignals(np.arange(float(power.size)), power, power, signals, {}, {})
     losses = [law.law.kind == "loss" for law in data.laws.values()]
     columns = [-one.column(law.law) * loss for law, loss in zip(data.laws.values(), losses, strict=True)]
     slopes = np.array(columns).T

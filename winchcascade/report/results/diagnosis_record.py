@@ -75,6 +75,7 @@ def as_json(found: DiagnosisResult) -> dict[str, Any]:
     named = {one.effect for one in found.causes}
     record: dict[str, Any] = {
         "schema": SCHEMA,
+        "kind": "stages" if isinstance(found, StageDiagnosis) else "model",
         "title": found.title,
         "data": origin_record(joint_origin(origins_of(found))),
         "rig": found.rig.name,
