@@ -1,8 +1,9 @@
 """Cascades of random stages with hidden losses: how many of them laws of stages name, and how often intervals hold.
 
-A cascade has one to four stages from hydraulics over a shaft to terminals, of 1 W to 1 MW. Each stage has three to eight laws; the
-rig file states all but two of them, or all, with a standard uncertainty that the truth keeps. Sensors have gains and zeros within
-what the rig file states. No line of this file uses the code that it tries, but for the names of the laws.
+A cascade has one to four stages from hydraulics over a shaft to terminals, of 1 W to 1 MW. Each stage
+has three to eight laws; the rig file states all but two of them, or all, with a standard uncertainty
+that the truth keeps. Sensors have gains and zeros within what the rig file states. No line of this file
+uses the code that it tries, but for the names of the laws.
 
     python benchmarks/cascades.py --cases 60
 """
@@ -10,6 +11,7 @@ what the rig file states. No line of this file uses the code that it tries, but 
 from __future__ import annotations
 
 import argparse
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -24,7 +26,7 @@ CHANNELS = {
     "cell": ("i_cell", "v_cell"),
 }  # fmt: skip
 UNITS = {"pressure": "Pa", "flow": "m3/s", "torque": "N.m", "speed": "rad/s"}
-LOSSES = {
+LOSSES: dict[str, dict[str, int]] = {
     "standby": {}, "shaft_friction": {"speed": 1}, "shaft_viscous": {"speed": 2}, "shaft_windage": {"speed": 3},
     "power_share": {"power": 1}, "copper": {"current": 2}, "junction": {"current": 1}, "bleed": {"voltage": 2},
     "pressure_drop": {"flow": 3}, "leakage": {"pressure": 2},
@@ -54,7 +56,7 @@ def drawn(rng: np.random.Generator, hidden: int) -> tuple[dict[str, np.ndarray],
     motion, load, t = _course(rng)
     top = {"flow": 10.0 ** rng.uniform(-5, -2), "voltage": 10.0 ** rng.uniform(0.7, 2.8), "speed": speed}
     laws: dict[str, dict[str, float]] = {}
-    for into, out in zip(chain, chain[1:], strict=False):
+    for into, out in pairwise(chain):
         allowed = [name for name, over in LOSSES.items() if set(over) <= signals_of(into, out)]
         kept = rng.permutation(allowed)[: int(rng.integers(3, 9))].tolist()
         laws[out] = {name: float(rng.uniform(0.005, 0.025)) for name in kept}  # as shares of the power at the top
@@ -64,31 +66,30 @@ def drawn(rng: np.random.Generator, hidden: int) -> tuple[dict[str, np.ndarray],
     chosen = [every[k] for k in rng.permutation(len(every))[:hidden]]
     for out, name in chosen:
         laws[out][name] = float(rng.uniform(0.02, 0.06))
-    numbers = {out: {} for out in laws}
+    numbers: dict[str, dict[str, float]] = {out: {} for out in laws}
     made = {chain[0]: _channels(chain[0], power * motion * load, motion, top)}
-    for into, out in zip(chain, chain[1:], strict=False):
+    for into, out in pairwise(chain):
         flowing = np.prod(list(made[into].values()), axis=0)
         given = _signals(into, made[into]) | {"power": flowing}
         tops = {name: float(np.max(np.abs(x))) for name, x in given.items()}
-        outgoing, end = 0.8 * flowing, {}
+        outgoing = 0.8 * flowing
         for _ in range(60):  # what comes out decides the current that costs power
-            end = _channels(out, outgoing, motion, top)
-            signals = _signals(out, end) | given
+            made[out] = _channels(out, outgoing, motion, top)
+            signals = _signals(out, made[out]) | given
             lost = np.zeros(t.size)
             for name, share in laws[out].items():
                 over = LOSSES.get(name, {})
                 if name == "shaft_inertia":
-                    number = share * power / speed**2
+                    number = float(share * power / speed**2)
                     lost += number * signals["speed"] * np.gradient(signals["speed"], t)
                 else:
                     size = np.prod([tops.get(s, float(np.max(np.abs(signals[s])))) ** n for s, n in over.items()])
-                    number = numbers[out].get(name, share * power / size)
+                    number = numbers[out].get(name, share * power / float(size))
                     lost += number * np.prod(
                         [np.abs(signals[s]) ** n for s, n in over.items()] + [np.ones(t.size)], axis=0
                     )
                 numbers[out][name] = float(number)
             outgoing = flowing - lost
-        made[out] = end
     truth = {f"{name}({chain[chain.index(out) - 1]}-{out})": numbers[out][name] for out, name in chosen}
     log = {"time": t}
     text = f'name = "cascade"\n[cascade]\nstages = {list(chain)!r}\n[phases]\nfrom = "whole"\n'.replace("'", '"')
