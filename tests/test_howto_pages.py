@@ -74,7 +74,10 @@ def test_a_current_that_is_2_percent_smaller_lowers_eta_pto_by_2_percent() -> No
 @pytest.mark.parametrize(
     ("row", "true"),
     [
-        ("shaft_friction", 2.0), ("shaft_viscous", 0.01), ("copper_torque", 0.012), ("junction_torque", 0.4),
+        ("shaft_friction", 2.0),
+        ("shaft_viscous", 0.01),
+        ("copper_torque", 0.012),
+        ("junction_torque", 0.4),
         ("power_share", 0.02),
     ],
 )
