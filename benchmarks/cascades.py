@@ -83,8 +83,10 @@ def drawn(rng: np.random.Generator, hidden: int) -> tuple[dict[str, np.ndarray],
                     number = float(share * power / speed**2)
                     lost += number * signals["speed"] * np.gradient(signals["speed"], t)
                 else:
-                    size = np.prod([tops.get(s, float(np.max(np.abs(signals[s])))) ** n for s, n in over.items()])
-                    number = numbers[out].get(name, share * power / float(size))
+                    size = float(
+                        np.prod([tops.get(s, float(np.max(np.abs(signals[s])))) ** n for s, n in over.items()])
+                    )
+                    number = numbers[out].get(name, share * power / size)
                     lost += number * np.prod(
                         [np.abs(signals[s]) ** n for s, n in over.items()] + [np.ones(t.size)], axis=0
                     )

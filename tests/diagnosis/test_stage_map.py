@@ -30,7 +30,7 @@ INERTIA = 0.4
 def lost(torque: Signal, speed: Signal) -> Signal:
     """What the bench loses. [W]"""
     over = speed, speed**2, torque**2, np.abs(torque), speed * torque
-    return np.sum([number * x for number, x in zip(TRUE.values(), over, strict=True)], axis=0)
+    return np.asarray(np.sum([number * x for number, x in zip(TRUE.values(), over, strict=True)], axis=0))
 
 
 def dyno_run(*, reverse: bool = False, noise: float = 0.0) -> Run:
