@@ -185,8 +185,8 @@ def of_campaign(record: Any) -> Source:
 
 
 def mapped(record: Any) -> Source:
-    """Coefficients of a loss map."""
-    return {name: _rounded(coefficient["value"]) for name, coefficient in record["surface"].items()}
+    """Numbers of the laws of a loss map."""
+    return {name: _rounded(law["value"]) for name, law in record["laws"].items()}
 
 
 def _rounded(value: float | None) -> str | None:

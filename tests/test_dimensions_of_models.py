@@ -24,7 +24,7 @@ DEFAULTS = {
 
 
 def test_constants_with_a_dimension_are_those_that_have_a_reason() -> None:
-    assert dimensioned("rig", "diagnosis", "design", but=("diagnosis/line",)).keys() == CONSTANTS.keys()
+    assert dimensioned("rig", "diagnosis", "design", but=("diagnosis/stages",)).keys() == CONSTANTS.keys()
 
 
 def test_a_constant_with_a_dimension_is_found_by_its_note() -> None:

@@ -73,7 +73,13 @@ def test_a_current_that_is_2_percent_smaller_lowers_eta_pto_by_2_percent() -> No
 
 @pytest.mark.parametrize(
     ("row", "true"),
-    [("speed", 2.0), ("speed^2", 0.01), ("torque^2", 0.012), ("|torque|", 0.4), ("speed x torque", 0.02)],
+    [
+        ("shaft_friction", 2.0),
+        ("shaft_viscous", 0.01),
+        ("copper_torque", 0.012),
+        ("junction_torque", 0.4),
+        ("power_share", 0.02),
+    ],
 )
 def test_the_loss_map_holds_the_losses_that_the_log_was_made_with(row: str, true: float) -> None:
     low, high = interval(printed("loss_map.md", "reduce dyno.csv"), row)

@@ -1,4 +1,4 @@
-"""Diagnose a campaign and write its predictions: by the model of its rig or, without one, from line and shaft alone."""
+"""Diagnose a campaign and write its predictions: by the model of its rig or, without one, by laws of its stages."""
 
 from __future__ import annotations
 
@@ -18,9 +18,8 @@ from winchcascade.core.rig_toml import first_named
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_numbers
 from winchcascade.diagnosis.diagnosis_result import Entries
 from winchcascade.diagnosis.handover.rig_text import corrected_rig, corrected_rig_text
-from winchcascade.diagnosis.line.line_data import POWER, Lines
-from winchcascade.diagnosis.line.line_diagnose import LineClosure, LineDiagnosis, diagnose_line
 from winchcascade.diagnosis.own_simulation import beside_own_simulation, on_the_logs
+from winchcascade.diagnosis.stages.diagnose_stages import StageClosure, StageDiagnosis, diagnose_stages
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.report.results.diagnosis_record import as_json
@@ -35,9 +34,10 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.fit.suspects import Suspects
+    from winchcascade.diagnosis.stages.stage_rows import StageData
 
 
-HEADER = "Time (s),Cycle,Predicted mechanical power (W)"
+HEADER = "Time (s),Cycle,Predicted {} (W)"
 """Header of the files of predictions, by which this tool recognises its own files."""
 
 
@@ -147,8 +147,8 @@ def diagnose_listed(
     loads: Sequence[float] = (),
     seed: int = 0,
     on_progress: Callable[[str], None] = lambda _: None,
-) -> ModelDiagnosis | LineDiagnosis:
-    """Diagnose the logs that a campaign lists, by a model or, of a rig for which none can be made, from line and shaft alone.
+) -> ModelDiagnosis | StageDiagnosis:
+    """Diagnose the logs that a campaign lists, by a model or, of a rig for which none can be made, by laws of its stages.
 
     Parameters
     ----------
@@ -183,7 +183,8 @@ def diagnose_listed(
             f"{campaign.path}: a simulation of your own is compared by the model of the rig, but {model.why} Complete the rig "
             "file, or leave the simulation out."
         )
-    if not any(POWER in names for names in (the_rig.sensors, the_rig.columns, *(run.channels for run in runs))):
+    stated = the_rig.sensors, the_rig.columns, *(run.channels for run in runs)
+    if not the_rig.cascade.configured and not any("power_mech" in names for names in stated):
         raise RigError(model.why)
     if loads:
         raise OptionError(
@@ -192,7 +193,7 @@ def diagnose_listed(
         )
     withheld = [k for k, held in enumerate(marked) if held]
     entries = Entries(runs, cycles, withheld, campaign.name)
-    return diagnose_line(entries, the_rig, suspects, seed=seed, on_progress=on_progress)
+    return diagnose_stages(entries, the_rig, suspects, seed=seed, on_progress=on_progress)
 
 
 def diagnose_campaign(campaign_toml: Path, *, suspects: Suspects = EFFECTS) -> dict[str, object]:
@@ -200,13 +201,13 @@ def diagnose_campaign(campaign_toml: Path, *, suspects: Suspects = EFFECTS) -> d
     return as_json(diagnose_listed(load_campaign(campaign_toml), suspects))
 
 
-def write_predictions(found: ModelDiagnosis | LineDiagnosis, folder: Path, *, force: bool = False) -> list[Path]:
+def write_predictions(found: ModelDiagnosis | StageDiagnosis, folder: Path, *, force: bool = False) -> list[Path]:
     """Write what is predicted of the data that the causes are judged on, in files named after their logs.
 
     With a model, the files are simulated logs of every withheld log: `before` by the rig as given, or the own simulation at the
     stamps of the log, `after` by a fit to the other logs. Neither contains the zeros of the sensors of that log. Without a
-    model, the files are the power of the judged cycles: `before` is line tension times speed, `after` is predicted by a fit to
-    the other cycles. They are means over blocks of about 0.4 s; what does not count is left out.
+    model, the files are the power of the judged cycles: `before` is what goes in, `after` is predicted by a fit to the other
+    cycles. They are means over blocks; what does not count is left out. Of several stages each has a file.
 
     Raises
     ------
@@ -220,7 +221,7 @@ def write_predictions(found: ModelDiagnosis | LineDiagnosis, folder: Path, *, fo
     return written
 
 
-def write_corrected_rig(found: ModelDiagnosis | LineDiagnosis, path: Path, *, force: bool = False) -> bool:
+def write_corrected_rig(found: ModelDiagnosis | StageDiagnosis, path: Path, *, force: bool = False) -> bool:
     """Write the rig file of a campaign with the named causes; False, and no file, where no named cause belongs in a rig file.
 
     Raises
@@ -229,7 +230,7 @@ def write_corrected_rig(found: ModelDiagnosis | LineDiagnosis, path: Path, *, fo
     OutputError : the file cannot be written, or is not this tool's own and `force` does not allow to replace it
     RigError : the rig file cannot be read again, or states an effect in a way that cannot be replaced
     """
-    if isinstance(found, LineDiagnosis):
+    if isinstance(found, StageDiagnosis):
         raise OptionError(
             f"--write {path}: no model can be made of rig {found.rig.name}, so none can be corrected; leave --write out, or "
             "add the numbers that the rig file lacks."
@@ -240,14 +241,14 @@ def write_corrected_rig(found: ModelDiagnosis | LineDiagnosis, path: Path, *, fo
     return True
 
 
-def _predictions(found: ModelDiagnosis | LineDiagnosis) -> Iterator[tuple[str, str, Callable[..., None]]]:
+def _predictions(found: ModelDiagnosis | StageDiagnosis) -> Iterator[tuple[str, str, Callable[..., None]]]:
     """Folder, name of the log, and what writes the file of each prediction."""
     if found.closure is None:
         return
-    if isinstance(found, LineDiagnosis):
+    if isinstance(found, StageDiagnosis):
         for side in ("before", "after"):
-            for name, rows in _predicted_power(found.closure, found.lines, side).items():
-                yield side, name, partial(_write_power, rows)
+            for name, header, rows in _predicted_power(found.closure, found.data, side):
+                yield side, name, partial(_write_power, header, rows)
         return
     data, own = found.data, found.own_simulation
     for k, fit in found.closure.predictions.items():
@@ -259,17 +260,22 @@ def _predictions(found: ModelDiagnosis | LineDiagnosis) -> Iterator[tuple[str, s
         yield "after", run.name, partial(write_log, simulate(run, after))
 
 
-def _predicted_power(judged: LineClosure, lines: Lines, side: str) -> dict[str, Signal]:
-    """Middles of the blocks [s], cycles and predicted power [W] of each log, (k, 3) by its name, in order of time."""
+def _predicted_power(judged: StageClosure, data: StageData, side: str) -> Iterator[tuple[str, str, Signal]]:
+    """Name of each file, its header, and middles of the blocks [s], cycles and predicted power [W], (k, 3) in order of time."""
     rows = judged.rows
     predicted = rows.given if side == "before" else rows.given + rows.gap - judged.after
     table = np.column_stack([rows.t, rows.own_cycle, predicted])
-    names = np.array([part.run.name for part in lines.parts])[rows.part]
-    return {str(name): table[names == name][np.argsort(rows.t[names == name])] for name in np.unique(names)}
+    names = np.array([part.run.name for part in data.parts])[rows.part]
+    for number, path in enumerate(data.paths):
+        what = "mechanical power" if path.out.name == "mech" else f"power of {path.out.name}"
+        for name in np.unique(names).tolist():
+            here = (names == name) & (rows.path == number)
+            file = name if len(data.paths) == 1 else f"{name.rpartition('.')[0] or name}_{path.out.name}.csv"
+            yield file, HEADER.format(what), table[here][np.argsort(rows.t[here])]
 
 
-def _write_power(rows: Signal, path: Path, *, force: bool) -> None:
+def _write_power(header: str, rows: Signal, path: Path, *, force: bool) -> None:
     formats = ["%.6f" if rows[-1, 0] < 1e6 else "%.3f", "%d", "%.9g"]
     write_whole(
-        path, lambda part: np.savetxt(part, rows, fmt=formats, delimiter=",", header=HEADER, comments=""), force=force
+        path, lambda part: np.savetxt(part, rows, fmt=formats, delimiter=",", header=header, comments=""), force=force
     )

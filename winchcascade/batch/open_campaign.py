@@ -20,11 +20,11 @@ from winchcascade.reduction.reduce import window_rule
 
 if TYPE_CHECKING:
     from winchcascade.diagnosis import diagnose
-    from winchcascade.diagnosis.line import line_diagnose
+    from winchcascade.diagnosis.stages import diagnose_stages
     from winchcascade.tables import check, published_table, table_file
 else:
     diagnose = LateModule("winchcascade.diagnosis.diagnose")
-    line_diagnose = LateModule("winchcascade.diagnosis.line.line_diagnose")
+    diagnose_stages = LateModule("winchcascade.diagnosis.stages.diagnose_stages")
     check = LateModule("winchcascade.tables.check")
     published_table = LateModule("winchcascade.tables.published_table")
     table_file = LateModule("winchcascade.tables.table_file")
@@ -92,7 +92,7 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         withhold: Sequence[float] = (),
         simulated: str | Path | None = None,
         seed: int = 0,
-    ) -> diagnose.ModelDiagnosis | line_diagnose.LineDiagnosis:
+    ) -> diagnose.ModelDiagnosis | diagnose_stages.StageDiagnosis:
         """Find out why logs and model differ.
 
         Parameters

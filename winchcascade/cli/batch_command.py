@@ -80,24 +80,22 @@ def batch_command(
     no_campaign = [] if load_ohm else without_campaign(targets)
     _present(batch, outputs.without("loss_map"), drafted_by=no_campaign)
     if outputs["loss_map"] is not None:
-        _present_loss_map(plan, batch, products, outputs["loss_map"], workers=workers, force=outputs.force)
+        _present_loss_map(plan, batch, products, outputs["loss_map"], force=outputs.force)
     raise typer.Exit(1 if batch.faults else 0)
 
 
-def _present_loss_map(
-    plan: Plan, batch: Batch, products: Products, path: Path, *, workers: Workers, force: bool
-) -> None:
+def _present_loss_map(plan: Plan, batch: Batch, products: Products, path: Path, *, force: bool) -> None:
     """Write the loss map of a campaign with its reports into the folder of the batch, and print it."""
     from winchcascade.batch.campaign_loss_map import campaign_loss_map
     from winchcascade.batch.results_pages import write_index
     from winchcascade.report.loss_map_file import write_loss_map
     from winchcascade.report.results.campaign_index import links_to
-    from winchcascade.report.results.loss_surface import campaign_loss_map_report, loss_map_pictures
+    from winchcascade.report.results.loss_map_report import campaign_loss_map_report, loss_map_pictures
 
-    found, left_out = campaign_loss_map(plan, batch.results, workers)
+    found = campaign_loss_map(plan, batch.results)
     write_loss_map(found, path, plan.title, force=force)
     origins = [item.settings.origin for item in plan.work if item.name in batch.results]
-    stated = partial(campaign_loss_map_report, found, plan.title, origins, left_out=left_out, command=products.command)
+    stated = partial(campaign_loss_map_report, found, plan.title, origins, command=products.command)
     pages = {ending: batch.folder / f"loss_map.{ending}" for ending in products.reports}
 
     def drawn() -> Report:

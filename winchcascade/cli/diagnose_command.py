@@ -19,7 +19,7 @@ from winchcascade.core.store import CAMPAIGN_PAGE, DIAGNOSIS_FILES, INDEX, locke
 if TYPE_CHECKING:
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
     from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
-    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+    from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
     from winchcascade.report.content import Report
 
 
@@ -48,8 +48,8 @@ def diagnose_command(
     which run to make next.
 
     The numbers of the rig file enter as they are, or as before their calibration. Without --withhold and without withheld
-    runs, each load is held out once. A winch without a model is diagnosed from line tension, speed and mechanical power; its
-    cycles are held out in turn.
+    runs, each load is held out once. Stages of a rig without a model are diagnosed from the powers at
+    both ends; their cycles are held out in turn.
     """
     one_thread_each()
     from winchcascade.batch.campaign_diagnosis import diagnose_listed
@@ -110,7 +110,7 @@ def _listed(campaign: Path, simulated: Path | None) -> Campaign:
     return listed if simulated is None else with_simulations(listed, simulated)
 
 
-def _write_files(found: ModelDiagnosis | LineDiagnosis, outputs: Outputs) -> dict[str, str]:
+def _write_files(found: ModelDiagnosis | StageDiagnosis, outputs: Outputs) -> dict[str, str]:
     """Write predictions, corrected rig and exported model as far as they are wanted; what there is none of, with the reason."""
     from winchcascade.batch.campaign_diagnosis import write_corrected_rig, write_predictions
     from winchcascade.diagnosis.handover.model_export import write_export

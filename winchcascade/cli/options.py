@@ -154,7 +154,7 @@ OPTIONS: dict[str, Any] = {
     ),
     "parquet": option("--parquet", "FOLDER", "Write cycles, bins and findings as Parquet files into this folder.", OUTPUTS),
     "loss_map": option(
-        "--loss-map", "FILE", "Write the loss from shaft to DC link as a map over torque and speed, as .csv, .mat or .json.",
+        "--loss-map", "FILE", "Write the loss of a stage as a map over motion and load to .csv, .mat or .json.",
         OUTPUTS,
     ),
     "reports": option(

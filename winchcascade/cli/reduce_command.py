@@ -17,7 +17,7 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.run import Repairs
 
 if TYPE_CHECKING:
-    from winchcascade.reduction.loss_map import LossMap
+    from winchcascade.diagnosis.stages.stage_map import LossMap
     from winchcascade.reduction.reduction_result import Reduction
     from winchcascade.reduction.uncertainty import Uncertainty
     from winchcascade.report.content import Report
@@ -81,7 +81,7 @@ def _one_log(logs: Sequence[Path]) -> Path:
 
 
 def _stated(reduction: Reduction, found: Uncertainty, mapped: LossMap | None) -> Report:
-    from winchcascade.report.results.loss_surface import loss_map_section
+    from winchcascade.report.results.loss_map_report import loss_map_section
     from winchcascade.report.results.reduction import reduction_report
 
     return reduction_report(reduction, found, more={} if mapped is None else {"loss-map": loss_map_section(mapped)})
@@ -95,10 +95,9 @@ def _drawn(reduction: Reduction, found: Uncertainty, mapped: LossMap | None) -> 
 
 def _write_loss_map(reduction: Reduction, path: Path, *, force: bool) -> LossMap:
     """Make the loss map of a log and write it."""
-    from winchcascade.reduction.loss_map import make_loss_map
-    from winchcascade.reduction.loss_points import loss_points
+    from winchcascade.diagnosis.stages.stage_map import make_loss_map
     from winchcascade.report.loss_map_file import write_loss_map
 
-    found = make_loss_map(loss_points(reduction))
+    found = make_loss_map([reduction.run], reduction.rig)
     write_loss_map(found, path, reduction.run.name, force=force)
     return found

@@ -97,7 +97,7 @@ _HEADS = (
     + rb" from |Time \(s\),[^\n\"'#;]*Generator speed \(rpm\),Stator current \(A rms\),Air-gap torque \(N\.m\)"
     rb"(?:,Load \(ohm\))?\r?\n"
     rb"|MATLAB 5\.0 MAT-file, written by " + _VERSION
-    + rb"|Time \(s\),Cycle,Predicted mechanical power \(W\)\r?\n)"
+    + rb"|Time \(s\),Cycle,Predicted (?:mechanical power|power of [A-Za-z0-9]+) \(W\)\r?\n)"
 )  # fmt: skip
 """How files begin: JSON with its schema first, page, JUnit, calibrated or corrected rig file, loss map, simulated log,
 exported model, predictions."""

@@ -391,11 +391,21 @@ def _plain(value: object) -> object:
     return float(value) if isinstance(value, Real) else value
 
 
+class StatedLaw(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The number of a known law of a stage, in the SI unit of the law, with one standard uncertainty."""
+
+    value: Annotated[float, Meta(ge=-1e30, le=1e30)]  # hydraulic numbers are large in SI units
+    unit: str
+    u: Annotated[float, Meta(ge=0.0, le=1e30)] = 0.0
+    source: str = ""
+
+
 class Rig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One rig, numbers in SI units. `columns` names columns of logs that the table of names does not contain.
 
     `channels` are those of the rig's own, beside the built-in ones.
-    `effects` are those of the catalogue that the rig is known to have; they belong to its model. `note` is shown with every
+    `effects` are those of the catalogue that the rig is known to have; they belong to its model. `laws` are known losses and
+    stores between a stage and the one before it, by the name of the stage. `note` is shown with every
     reduction: a remark on the rig for its readers. `assumed`: it was taken because none was named.
     """
 
@@ -413,6 +423,7 @@ class Rig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     channels: Mapping[str, Channel] = msgspec.field(default_factory=dict)
     effects: Mapping[str, StatedEffect] = msgspec.field(default_factory=dict)
     cascade: Cascade = PAPER
+    laws: Mapping[str, Mapping[str, StatedLaw]] = msgspec.field(default_factory=dict)
     sample_rate: float | None = None
     thresholds: Thresholds = Thresholds()
     model: ModelAccuracy = ModelAccuracy()

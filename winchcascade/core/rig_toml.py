@@ -30,6 +30,7 @@ from winchcascade.core.rig_file import (
     Rig,
     Sensor,
     StatedEffect,
+    StatedLaw,
     Thresholds,
     measures,
 )
@@ -113,7 +114,7 @@ def parse_rig(text: str, where: str) -> Rig:
         below = toml_values(built_in_text(str(base)), str(base), RigError)
         raw = _merged(_without_sizes(_without_other_parts(below, raw), raw, where), raw)
     texts, tables = ("name", "title", "source", "note"), ("sensors", "channels", "effects", "stage")
-    check_keys(raw, (*texts, *PARTS, *tables, "columns", "cascade", "log"), f"{where}:", RigError)
+    check_keys(raw, (*texts, *PARTS, *tables, "columns", "cascade", "laws", "log"), f"{where}:", RigError)
     sensors, channels, effects, stages = (
         convert(raw.get(name, {}), dict[str, Table], f"{where}: {name}", RigError) for name in tables
     )
@@ -132,6 +133,7 @@ def parse_rig(text: str, where: str) -> Rig:
         "channels": own,
         "effects": {name: _effect(one, f"{where}: [effects.{name}]") for name, one in effects.items()}
         | {name: _effect(one, f"{where}: [sensors.{ERRORS}.{name}]", of_a_sensor=True) for name, one in errors.items()},
+        "laws": convert(raw.get("laws", {}), dict[str, dict[str, StatedLaw]], f"{where}: laws", RigError),
         "cascade": read_cascade(raw.get("cascade"), stages, known, where),
         "sample_rate": log.sample_rate_hz,
         "path": where,

@@ -350,11 +350,12 @@ class Experiment(msgspec.Struct, frozen=True):
     """One run that would distinguish two suspects, and by how many standard deviations.
 
     `speed` is the highest one [m/s]; `load`, `length` of the payout [m], and the `time` of a stroke at the top speed of the
-    campaign [s] belong to a `cycle`, the line tension `force` [N] to the motions of a winch without a model. `repeats` is a log
-    whose load is run again after all others.
+    campaign [s] belong to a `cycle`. Of stages without a model the campaign is run again `scaled`:
+    `speed` and `force` are the tops of the signals `axes`, in SI units. `repeats` is a log whose load is run again after
+    all others.
     """
 
-    motion: Literal["cycle", "speed_steps", "force_steps", "out_and_back", "swing"]
+    motion: Literal["cycle", "scaled"]
     speed: float
     separates: tuple[str, str]
     expected_z: float
@@ -362,6 +363,7 @@ class Experiment(msgspec.Struct, frozen=True):
     length: float = math.nan
     time: float = math.nan
     force: float = math.nan
+    axes: tuple[str, str] = ("", "")
     repeats: str = ""
 
 

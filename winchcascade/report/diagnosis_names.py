@@ -19,10 +19,9 @@ from winchcascade.diagnosis.diagnosis_result import (
 from winchcascade.diagnosis.fit.entries import effect_name
 from winchcascade.diagnosis.fit.nuisances import Nuisance
 from winchcascade.diagnosis.judge.causes import COVERED
-from winchcascade.diagnosis.line.line_data import POWER
-from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.report.content import number_text, places
-from winchcascade.report.glossary import CHANNELS, PHASES
+from winchcascade.report.glossary import CHANNELS, PHASES, STAGE_PLACES
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Display
@@ -33,7 +32,7 @@ UNDETERMINED = "not determined by these logs"
 INTERVAL_WIDTH = 2.0 * COVERED
 """Width of an interval of 95 % over its standard uncertainty. [1]"""
 
-NAMES = {name: term.label for name, term in CHANNELS.items()} | {POWER: "winch power"}
+NAMES = {name: term.label for name, term in CHANNELS.items()}
 """Channels of a diagnosis."""
 
 
@@ -48,7 +47,7 @@ def display_of(effect: str, name: str, unit: str = "") -> Display:
 
 def shown_as(found: DiagnosisResult, cause: NamedCause, name: str = "") -> Display:
     """How a number of a cause is shown, by default the first one that is reported."""
-    if isinstance(found, LineDiagnosis):
+    if isinstance(found, StageDiagnosis):
         return found.suspects[cause.effect].display
     name = name or next(iter(cause.parameters))
     return display_of(cause.effect, name, cause.parameters[name].unit)
@@ -170,6 +169,18 @@ def nuisance_words(n: Nuisance, files: Sequence[str]) -> str:
     }[n.kind]
 
 
+def channel_words(channel: str) -> str:
+    """Name of a channel, or of the power of a stage.
+
+    >>> channel_words("vdc"), channel_words("power_gen"), channel_words("power_dc")
+    ('Vdc', 'power at the DC link', 'power at dc')
+    """
+    if channel in NAMES or not channel.startswith("power_"):
+        return NAMES.get(channel, channel)
+    stage = channel.removeprefix("power_")
+    return f"power at the {STAGE_PLACES[stage]}" if stage in STAGE_PLACES else f"power at {stage}"
+
+
 def phase_words(phase: str) -> str:
     """A phase as a text writes it."""
     return PHASES.get(phase, phase.replace("_", "-"))
@@ -181,7 +192,7 @@ def spot_words(spot: Spot, names: Mapping[str, str] = NAMES) -> str:
     >>> spot_words(Spot("idc", "haul_in")), spot_words(Spot("idc", "payout", within_blocks=True), {})
     ('Idc during haul-in', 'idc within blocks of payout')
     """
-    channel = names.get(spot.channel, spot.channel)
+    channel = channel_words(spot.channel) if names is NAMES else names.get(spot.channel, spot.channel)
     if spot.phase is None:
         return channel
     return f"{channel} {'within blocks of' if spot.within_blocks else 'during'} {phase_words(spot.phase)}"
@@ -226,7 +237,7 @@ def origins_of(found: DiagnosisResult) -> list[Origin]:
 def word_of(found: DiagnosisResult) -> str:
     """What the logs are called: `measured` where that is stated of all of them, else `log` or, of a power, `logged`."""
     word = joint_origin(origins_of(found)).word
-    return "logged" if isinstance(found, LineDiagnosis) and word == "log" else word
+    return "logged" if isinstance(found, StageDiagnosis) and word == "log" else word
 
 
 def files_of(found: DiagnosisResult) -> list[str]:
@@ -236,7 +247,7 @@ def files_of(found: DiagnosisResult) -> list[str]:
 
 def items_of(found: DiagnosisResult) -> list[str]:
     """Names of what the number of a cause is estimated from one by one: the runs or, without a model, their cycles."""
-    return found.lines.cycle_names if isinstance(found, LineDiagnosis) else files_of(found)
+    return found.data.cycle_names if isinstance(found, StageDiagnosis) else files_of(found)
 
 
 def runs_with_number(cause: NamedCause) -> list[int]:
@@ -257,4 +268,4 @@ def baseline_words(found: DiagnosisResult) -> str:
 
 def set_words(names: Sequence[str]) -> str:
     """A set of suspects."""
-    return " + ".join(names) if names else "none: line tension times speed"
+    return " + ".join(names) if names else "none: no loss"

@@ -180,10 +180,10 @@ def comparison_frame(found: Comparison, units: Units) -> pd.DataFrame:
 def diagnosis_frame(found: DiagnosisResult, table: str, units: Units) -> pd.DataFrame:
     """One table of a diagnosis, in a row for each number: causes, parts of metrics, places of the map, causes run by run."""
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+    from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
     from winchcascade.report.results.diagnosis_record import as_json, map_record
 
-    assert isinstance(found, ModelDiagnosis | LineDiagnosis)  # there are no others
+    assert isinstance(found, ModelDiagnosis | StageDiagnosis)  # there are no others
     if table == "map":
         places = map_record(found)
         rows = [_in_unit(p, _PLACE, *_shown(si_unit(CHANNELS[p["channel"]].dimension), units)) for p in places]

@@ -1,13 +1,13 @@
 """A loss map as a file for look-up tables: CSV, MATLAB or JSON.
 
-Rows of the file follow the breakpoints of torque, columns those of speed. Outside of the hull of the points a cell is NaN, in
-JSON null.
+Rows of the table follow the breakpoints of the load, columns those of the motion. Outside of the
+hull of the points a cell of the table is NaN, in JSON null. The grid has a row for each cell, with
+the uncertainty, and also where no data lie.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
+import io
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +17,19 @@ import numpy as np
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import json_bytes, write_content
 from winchcascade.core.matlab_file import matlab_bytes
+from winchcascade.core.run import Signal
 from winchcascade.core.version import GENERATOR
-from winchcascade.reduction.loss_map import LossMap
+from winchcascade.diagnosis.stages.stage_map import LossMap
 
-SCHEMA = "winchcascade/loss_map/1"
+SCHEMA = "winchcascade/loss_map/2"
 
 ENDINGS = (".csv", ".mat", ".json")
+
+FIELDS = {
+    "speed": "speed_rad_s", "torque": "torque_nm", "velocity": "velocity_m_s", "force": "force_n", "flow": "flow_m3_s",
+    "pressure": "pressure_pa", "voltage": "voltage_v", "current": "current_a",
+}  # fmt: skip
+"""Names of the axes in files."""
 
 
 def check_ending(path: Path) -> None:
@@ -32,7 +39,8 @@ def check_ending(path: Path) -> None:
 
 
 def write_loss_map(found: LossMap, path: Path, source: str, *, force: bool = False) -> None:
-    """Write a loss map in the format that the ending of the file names.
+    """Write a loss map in the format that the ending of the file names; beside a CSV its grid,
+    `NAME_grid.csv`.
 
     Parameters
     ----------
@@ -41,69 +49,81 @@ def write_loss_map(found: LossMap, path: Path, source: str, *, force: bool = Fal
     Raises
     ------
     OptionError : an ending that names no format
-    OutputError : the file cannot be written, or is not this tool's own and `force` does not allow to replace it
+    OutputError : the file cannot be written, or is not this tool's own and `force` does not allow
+    to replace it
     """
     check_ending(path)
-    surface, points = found.surface, found.points
-    record = {
+    record, ending = _record(found, source), path.suffix.casefold()
+    if ending == ".csv":
+        table, grid = _csv(record, found)
+        write_content(path.with_name(f"{path.stem}_grid.csv"), grid, force=force)
+        write_content(path, table, force=force)
+    elif ending == ".mat":
+        write_content(path, matlab_bytes("loss_map", record), force=force)
+    else:
+        write_content(path, json_bytes(msgspec.to_builtins(record, enc_hook=np.ndarray.tolist)), force=force)
+
+
+def _record(found: LossMap, source: str) -> dict[str, Any]:
+    """The map with the names of the interface."""
+    motion, load = (FIELDS[name] for name in found.axes)
+    rows, parts = found.data.rows, found.data.parts
+    moves = rows.axes[:, 0] != 0.0
+    x, y, power_in, power_out, stored, duration = found.points.T
+    return {
         "schema": SCHEMA,
         "written_by": GENERATOR,
         "source": source,
-        "stage_in": points.stages[0],
-        "stage_out": points.stages[1],
-        "torque_nm": found.torque,
-        "speed_rad_s": found.speed,
-        "loss_w": found.loss,
-        "loss_standard_uncertainty_w": found.u_loss,
-        "hull": {"torque_nm": found.hull[:, 0], "speed_rad_s": found.hull[:, 1]},
-        "surface": {
-            c.term: {name: getattr(c, name) for name in ("value", "low", "high", "unit")}
-            | {"contained_in": list(c.contained_in)}
-            for c in surface.coefficients
+        "stage_in": found.path.into.name,
+        "stage_out": found.path.out.name,
+        load: found.load,
+        motion: found.motion,
+        "loss_w": np.where(found.inside, found.loss, np.nan),
+        "loss_standard_uncertainty_w": np.where(found.inside, found.u_loss, np.nan),
+        "grid": {"loss_w": found.loss, "loss_standard_uncertainty_w": found.u_loss, "inside": found.inside * 1.0},
+        "hull": {motion: found.hull[:, 0], load: found.hull[:, 1]},
+        "laws": {
+            one.name.partition("(")[0]: {name: getattr(one.number, name) for name in ("value", "low", "high", "unit")}
+            | {"alternatives": list(one.alternatives)}
+            for one in found.laws
         },
-        "condition": surface.condition,
-        "condition_all": surface.condition_all,
-        "residual_w": surface.residual,
-        "held_out_w": surface.held_out,
-        "held_out_by": surface.held_out_by,
+        "held_out_w": found.held_out,
         "energy_lost_j": found.energy,
-        "energy_lost_standard_uncertainty_j": found.u_energy,
-        "left_out": dict(points.left_out),
         "points": {
-            "log": [points.logs[k] for k in points.log],
-            "torque_nm": points.torque,
-            "speed_rad_s": points.speed,
-            "power_in_w": points.power_in,
-            "power_out_w": points.power_out,
-            "stored_w": points.stored,
-            "loss_w": points.loss,
-            "duration_s": points.duration,
+            "log": [parts[k].run.name for k in rows.part[moves]],
+            load: y,
+            motion: x,
+            "power_in_w": power_in,
+            "power_out_w": power_out,
+            "stored_w": stored,
+            "loss_w": found.lost,
+            "duration_s": duration,
         },
     }
-    made: dict[str, Callable[[], bytes]] = {
-        ".csv": lambda: _csv(record),
-        ".mat": lambda: matlab_bytes("loss_map", record),
-        ".json": lambda: json_bytes(msgspec.to_builtins(record, enc_hook=np.ndarray.tolist)),
-    }
-    write_content(path, made[path.suffix.casefold()](), force=force)
 
 
-def _csv(record: dict[str, Any]) -> bytes:
-    """The table under its breakpoints of speed, after lines of comment with source and surface."""
-    terms = ", ".join(
-        f"{name} {'not distinguished' if c['value'] is None else format(c['value'], '.6g')} {c['unit']}"
-        for name, c in record["surface"].items()
+def _csv(record: dict[str, Any], found: LossMap) -> tuple[bytes, bytes]:
+    """The table under its breakpoints of the motion, after lines of comment with source and laws;
+    and the grid.
+    """
+    motion, load = (FIELDS[name] for name in found.axes)
+    laws = ", ".join(f"{name} {one['value']:.6g} {one['unit']}" for name, one in record["laws"].items())
+    head = (
+        f"# Loss map by {GENERATOR} from {' '.join(str(record['source']).replace(',', ';').split())}\n"
+        f"# loss in W from {record['stage_in']} to {record['stage_out']}\n"
+        f"# laws: {laws or 'none'}\n"
     )
-    lines = [
-        f"# Loss map by {GENERATOR} from {' '.join(str(record['source']).replace(',', ';').split())}",
-        f"# loss in W from {record['stage_in']} to {record['stage_out']}",
-        "# rows: torque of the shaft in N m, columns: speed of the shaft in rad/s",
-        "# NaN: outside of the hull of the operating points",
-        f"# surface: {terms}",
-        ",".join(["torque_nm\\speed_rad_s", *(f"{x:.9g}" for x in record["speed_rad_s"])]),
-        *(
-            ",".join([f"{torque:.9g}", *("NaN" if math.isnan(x) else f"{x:.9g}" for x in row)])
-            for torque, row in zip(record["torque_nm"], record["loss_w"], strict=True)
-        ),
-    ]
-    return ("\n".join(lines) + "\n").encode()
+    x, y = np.meshgrid(found.motion, found.load)
+    above = ",".join([f"{load}\\{motion}", *(f"{speed:.9g}" for speed in found.motion)])
+    grid = [one.ravel() for one in (x, y, found.loss, found.u_loss, found.inside)]
+    return (
+        _written(f"{head}# rows: {load}, columns: {motion}\n{above}", np.column_stack([found.load, record["loss_w"]])),
+        _written(f"{head}{motion},{load},loss_w,loss_standard_uncertainty_w,inside", np.column_stack(grid)),
+    )
+
+
+def _written(header: str, rows: Signal) -> bytes:
+    """Rows under a header as CSV."""
+    file = io.BytesIO()
+    np.savetxt(file, rows, fmt="%.9g", delimiter=",", header=header, comments="")
+    return file.getvalue()

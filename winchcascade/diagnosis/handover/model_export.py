@@ -16,7 +16,7 @@ from winchcascade.core.rig_file import NUMBERS_OF, Restoring, Rig, measures
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.handover.rig_text import corrected_rig
-from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.rig.baseline import baseline, stated_effects
 from winchcascade.rig.parts import PARTS, ROLLOFF_KNOTS, Model, number_of, numbers_of, path_in_rig, rolloff_curve
 from winchcascade.rig.physics import RPM
@@ -45,7 +45,7 @@ def check_export(path: Path | None) -> None:
         raise OptionError(f"--export {path}: expected a name that ends in {' or '.join(FORMATS)}.")
 
 
-def write_export(found: ModelDiagnosis | LineDiagnosis, path: Path, *, force: bool = False) -> None:
+def write_export(found: ModelDiagnosis | StageDiagnosis, path: Path, *, force: bool = False) -> None:
     """Write the corrected model of a diagnosis in the format that the name of the file states.
 
     Raises

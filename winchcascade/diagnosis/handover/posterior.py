@@ -20,7 +20,7 @@ from winchcascade.diagnosis.fit.nuisances import LOAD
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.suspects import freedom, with_values
 from winchcascade.diagnosis.judge.causes import look_alikes_of
-from winchcascade.reduction.loss_map import convex_hull
+from winchcascade.diagnosis.stages.stage_map import convex_hull
 from winchcascade.rig.effects.catalogue import EFFECTS, SHARED_RADIUS
 from winchcascade.rig.effects.effect import ActiveEffect, Parameter
 from winchcascade.rig.effects.run_order import lasting_heat

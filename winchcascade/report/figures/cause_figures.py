@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart, DiagnosisResult, NamedCause
 from winchcascade.diagnosis.explain.figure_data import profile_of, worst_costs
-from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.report.content import number_text
 from winchcascade.report.diagnosis_names import baseline_words, runs_with_number, shown_as
 from winchcascade.report.figures.style import (
@@ -157,7 +157,7 @@ def stability_figure(found: DiagnosisResult) -> Figure | None:
         _run_by_run(ax, found, cause)
     for ax in panels[len(causes) :]:
         ax.set_axis_off()
-    item = "cycle" if isinstance(found, LineDiagnosis) else "run"
+    item = "cycle" if isinstance(found, StageDiagnosis) else "run"
     entries = [
         line_entry(f"one {item}, 95 %", "ink", marker="o", ms=3.5, lw=1.1),
         line_entry("joint fit", "gen", lw=1.2),
@@ -183,7 +183,7 @@ def _run_by_run(ax: Axes, found: DiagnosisResult, cause: NamedCause) -> None:
     ends = np.array([*low[usual], *high[usual], *band])
     pad = 0.08 * float(np.ptp(ends))
     ax.set(xlim=(0.5, len(table) + 0.5), ylim=(ends.min() - pad, ends.max() + pad))
-    if isinstance(found, LineDiagnosis):
+    if isinstance(found, StageDiagnosis):
         ax.set_xlabel("Cycle, one after the other")
     elif len(table) <= NAMED_RUNS:
         loads = [load_words(run.load).replace("open circuit", "open") for run in found.runs]

@@ -16,8 +16,7 @@ from winchcascade.diagnosis.explain.figure_data import SimulatedCycle, by_load, 
 from winchcascade.diagnosis.explain.gap_map import STANDS_OUT
 from winchcascade.diagnosis.fit.block_means import HAUL_IN, PAYOUT, PHASES
 from winchcascade.diagnosis.fit.predict import CHANNELS
-from winchcascade.diagnosis.line.line_data import POWER
-from winchcascade.report.diagnosis_names import NAMES, baseline_words, phase_words, signed
+from winchcascade.report.diagnosis_names import NAMES, baseline_words, channel_words, phase_words, signed
 from winchcascade.report.figures.histories import Curve, History, Mark, Panel, repaired_spans, thinned
 from winchcascade.report.figures.style import (
     COLOURS,
@@ -100,8 +99,10 @@ def stage_map(found: ModelDiagnosis) -> Figure | None:
 
 def _gaps(found: DiagnosisResult) -> tuple[dict[tuple[str, str], str], Cells]:
     """Names of the rows of the map of the gap, by channel and phase, and its cells."""
-    channels = CHANNELS if isinstance(found, ModelDiagnosis) else (POWER,)
-    names = {(c, p): f"{NAMES[c]}, {phase_words(p)}" for c in channels for p in PHASES}
+    if isinstance(found, ModelDiagnosis):
+        names = {(c, p): f"{NAMES[c]}, {phase_words(p)}" for c in CHANNELS for p in PHASES}
+    else:
+        names = {(p.channel, p.phase): f"{channel_words(p.channel)}, {phase_words(p.phase)}" for p in found.places}
     return names, {(p.channel, p.phase, p.log): p.z for p in found.places}
 
 

@@ -13,7 +13,7 @@ from winchcascade.diagnosis.explain.figure_data import block_table, cost_of, lar
 from winchcascade.diagnosis.explain.gap_map import STANDS_OUT
 from winchcascade.diagnosis.explain.thresholds import Threshold
 from winchcascade.diagnosis.fit.nuisances import Nuisance
-from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.report.content import (
     Cell,
     Column,
@@ -61,7 +61,7 @@ from winchcascade.report.results.diagnosis_parts import (
     step_tile,
     verdict_tile,
 )
-from winchcascade.report.results.line_diagnosis import line_report
+from winchcascade.report.results.stage_diagnosis import stage_report
 from winchcascade.report.results.validation_report import validation_section
 from winchcascade.report.wording import banner, load_words
 from winchcascade.rig.effects.effect import Display, Parameter
@@ -72,8 +72,8 @@ if TYPE_CHECKING:
 
 def diagnosis_report(found: DiagnosisResult, *, command: str = "") -> Report:
     """Report of a diagnosis, with a model or without."""
-    if isinstance(found, LineDiagnosis):
-        return line_report(found, command=command)
+    if isinstance(found, StageDiagnosis):
+        return stage_report(found, command=command)
     assert isinstance(found, ModelDiagnosis)  # there are no others
     return _model_report(found, command=command)
 

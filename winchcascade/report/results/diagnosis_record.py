@@ -16,7 +16,7 @@ from winchcascade.diagnosis.explain.validation import Validated
 from winchcascade.diagnosis.fit.entries import effect_name
 from winchcascade.diagnosis.fit.nuisances import calibrated_numbers
 from winchcascade.diagnosis.handover.posterior import posterior_of_rig, posterior_record, tested_by
-from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report.diagnosis_names import about_words, files_of, items_of, origins_of
 from winchcascade.report.results import diagnosis_sentences as sentences
@@ -75,6 +75,7 @@ def as_json(found: DiagnosisResult) -> dict[str, Any]:
     named = {one.effect for one in found.causes}
     record: dict[str, Any] = {
         "schema": SCHEMA,
+        "kind": "stages" if isinstance(found, StageDiagnosis) else "model",
         "title": found.title,
         "data": origin_record(joint_origin(origins_of(found))),
         "rig": found.rig.name,
@@ -104,7 +105,7 @@ def as_json(found: DiagnosisResult) -> dict[str, Any]:
     }
     if isinstance(found, ModelDiagnosis):
         record |= _model_record(found)
-    elif isinstance(found, LineDiagnosis):
+    elif isinstance(found, StageDiagnosis):
         record |= _line_record(found)
     digits = {"contributions": SUMMED, "remainder": ALL, "posterior": ALL}
     return {name: plain(value, digits.get(name, DIGITS)) for name, value in record.items()}
@@ -113,7 +114,7 @@ def as_json(found: DiagnosisResult) -> dict[str, Any]:
 # ---------------------------------------------------------------------------------------------------------- what was given
 def _logs(found: DiagnosisResult) -> list[dict[str, Any]]:
     """Every log with what is stated and was found of it; without a model every part of a log, which has no load."""
-    parts = found.lines.parts if isinstance(found, LineDiagnosis) else None
+    parts = found.data.parts if isinstance(found, StageDiagnosis) else None
     heads = [({}, run) for run in found.runs] if parts is None else [(_some(part, *_PART), part.run) for part in parts]
     return [
         {"file": run.name, **head, "sha256": run.sha256, "load": run.load if parts is None else None}
@@ -184,7 +185,7 @@ def _cause(cause: NamedCause, found: DiagnosisResult) -> dict[str, Any]:
             {**msgspec.structs.asdict(trend), "sentence": sentences.trend_sentence(found, cause, trend)}
             for trend in cause.stability.trends
         ]
-    return record | ({"closes_alone_of_the_gap": cause.weight} if isinstance(found, LineDiagnosis) else {})
+    return record | ({"closes_alone_of_the_gap": cause.weight} if isinstance(found, StageDiagnosis) else {})
 
 
 def _alternative(found: DiagnosisResult, one: Alternative) -> dict[str, Any]:
@@ -260,7 +261,7 @@ def _contributions(found: ModelDiagnosis) -> list[dict[str, Any]]:
     ]
 
 
-def _line_record(found: LineDiagnosis) -> dict[str, Any]:
+def _line_record(found: StageDiagnosis) -> dict[str, Any]:
     """Of a winch without a model, the energies of the judged cycles, and every set of suspects."""
     return {
         "energies": [
@@ -287,8 +288,8 @@ def _closure(found: DiagnosisResult) -> dict[str, Any] | None:
     beyond = {}
     if isinstance(found, ModelDiagnosis) and found.closure is not None:
         withheld += [_load(found.runs[k].load) for k in found.closure.withheld]
-    elif isinstance(found, LineDiagnosis) and found.closure is not None:
-        withheld += [{"file": part.run.name, **_some(part, *_PART)} for part in found.lines.parts if part.withheld]
+    elif isinstance(found, StageDiagnosis) and found.closure is not None:
+        withheld += [{"file": part.run.name, **_some(part, *_PART)} for part in found.data.parts if part.withheld]
         beyond = {"share_closed_beyond_noise": found.closure.beyond_noise}
     return {
         "kind": sentences.closure_kind(found),

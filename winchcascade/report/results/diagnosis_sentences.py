@@ -19,12 +19,11 @@ from winchcascade.diagnosis.diagnosis_result import (
 from winchcascade.diagnosis.explain.gap_map import STANDS_OUT
 from winchcascade.diagnosis.explain.planned_run import BACK, HOLD, RAMP
 from winchcascade.diagnosis.judge.causes import COVERED
-from winchcascade.diagnosis.line.line_causes import STEP, SWING
-from winchcascade.diagnosis.line.line_data import POWER
-from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.report.diagnosis_names import (
     NAMES,
     at_words,
+    channel_words,
     has_own_simulation,
     items_of,
     number_words,
@@ -41,8 +40,8 @@ from winchcascade.rig.effects.effect import Effect, Stated
 
 def closure_kind(found: DiagnosisResult) -> str:
     """Whether the data on which the causes are judged took part in their choice: `held_out` if not."""
-    if isinstance(found, LineDiagnosis):
-        return "held_out" if any(part.withheld for part in found.lines.parts) else "leave_one_out"
+    if isinstance(found, StageDiagnosis):
+        return "held_out" if any(part.withheld for part in found.data.parts) else "leave_one_out"
     return "held_out" if isinstance(found, ModelDiagnosis) and found.data.withheld else "leave_one_load_out"
 
 
@@ -55,12 +54,13 @@ def place_sentence(found: DiagnosisResult) -> str:
     if where is None:
         return ""
     worst = where.worst
-    if worst.channel == POWER:
+    if isinstance(found, StageDiagnosis):
+        into = next(path.into for path in found.data.paths if path.channel == worst.channel)
+        bias, rms = (power_text(abs(x), math.hypot(worst.bias, worst.rms)) for x in (worst.bias, worst.rms))
         return (
-            f"{where.stage}: in {phase_words(worst.phase)} the {word_of(found)} power of the winch lies "
-            f"{abs(worst.bias) / 1e3:.2g} kW {'above' if worst.bias > 0.0 else 'below'} line tension times speed on average "
-            f"(z = {worst.z:+.0f}), {worst.rms / 1e3:.2g} kW rms; that phase holds {100.0 * worst.share:.0f} % of the squared "
-            "gap."
+            f"{where.stage}: in {phase_words(worst.phase)} the {word_of(found)} {channel_words(worst.channel)} lies {bias} "
+            f"{'above' if worst.bias > 0.0 else 'below'} that of {into.where or into.name} on average "
+            f"(z = {worst.z:+.0f}), {rms} rms; that phase holds {100.0 * worst.share:.0f} % of the squared gap."
         )
     region = ""
     if worst.phase == "payout" and math.isfinite(where.rpm[0]):
@@ -154,7 +154,7 @@ _ALONG = {"order": "The order of the runs", "load": "Their loads"}
 
 def trend_sentence(found: DiagnosisResult, cause: NamedCause, trend: Trend) -> str:
     """What differs between the numbers of a cause from single runs, as the JSON has it."""
-    how, item = shown_as(found, cause), "cycle" if isinstance(found, LineDiagnosis) else "run"
+    how, item = shown_as(found, cause), "cycle" if isinstance(found, StageDiagnosis) else "run"
     name = f"{found.suspects[cause.effect].label} ({cause.effect}): {how.what}"
     if trend.along == "scatter":
         change = float(f"{trend.change * how.factor:.2g}")
@@ -192,18 +192,30 @@ def profile_words(plan: Experiment) -> str:
     """The motion of a planned run.
 
     >>> from winchcascade.diagnosis.diagnosis_result import Experiment
-    >>> profile_words(Experiment("force_steps", 1.0, ("a", "b"), 3.0, force=2000.0))
-    'reel-out at a constant 1.0 m/s, the line tension in steps from 1.0 kN to 3.0 kN, 10 s each'
+    >>> profile_words(Experiment("scaled", 150.0, ("a", "b"), 3.0, force=20.0, axes=("speed", "torque")))
+    'the campaign again at a top speed of 150 rad/s and a torque of 20 N m'
     """
-    v, force = plan.speed, f"{plan.force / 1e3:.1f} kN"
-    return {
-        "cycle": f"one cycle: {RAMP * plan.time:.2g} s ramp to {v:.3g} m/s, {plan.length:.3g} m of payout, "
-        f"{HOLD * plan.time:.2g} s hold, haul-in at {BACK * v:.3g} m/s",
-        "speed_steps": f"reel-out at a constant line tension of {force}, in steps to a quarter, half, three quarters and all "
-        f"of {v:.1f} m/s, {STEP:g} s each",
-        "force_steps": f"reel-out at a constant {v:.1f} m/s, the line tension in steps from {0.5 * plan.force / 1e3:.1f} kN to "
-        f"{1.5 * plan.force / 1e3:.1f} kN, {STEP:g} s each",
-        "out_and_back": f"reel-out and haul-in by turns at {v:.1f} m/s and a constant line tension of {force}, {STEP:g} s each",
-        "swing": f"reel-out at a constant line tension of {force}, the speed swinging between {0.5 * v:.1f} and {v:.1f} m/s "
-        f"every {SWING:g} s, for {4.0 * STEP:g} s",
-    }[plan.motion]
+    v = plan.speed
+    if plan.motion == "scaled":
+        (motion, first), (load, second) = (AXES.get(name, (name, "")) for name in plan.axes)
+        return f"the campaign again at a top {motion} of {v:.3g} {first} and a {load} of {plan.force:.3g} {second}"
+    return (
+        f"one cycle: {RAMP * plan.time:.2g} s ramp to {v:.3g} m/s, {plan.length:.3g} m of payout, "
+        f"{HOLD * plan.time:.2g} s hold, haul-in at {BACK * v:.3g} m/s"
+    )
+
+
+AXES = {
+    "velocity": ("line speed", "m/s"), "force": ("line tension", "N"), "speed": ("speed", "rad/s"), "torque": ("torque", "N m"),
+    "flow": ("flow", "m3/s"), "pressure": ("pressure", "Pa"), "voltage": ("voltage", "V"), "current": ("current", "A"),
+}  # fmt: skip
+"""Signals over which a stage is mapped, with their units."""
+
+
+def power_text(power: float, of: float = 0.0) -> str:
+    """A power with its unit, in kW where that or another one is large.
+
+    >>> power_text(1234.0), power_text(0.56)
+    ('1.2 kW', '0.56 W')
+    """
+    return f"{power / 1e3:.2g} kW" if max(power, of) >= 1e3 else f"{power:.2g} W"

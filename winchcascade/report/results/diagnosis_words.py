@@ -20,7 +20,7 @@ from winchcascade.diagnosis.fit.entries import effect_name
 from winchcascade.diagnosis.fit.nuisances import calibrated_numbers
 from winchcascade.diagnosis.fit.undetermined import GEAR
 from winchcascade.diagnosis.judge.closure import by_cycles
-from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.diagnosis.verdict_limits import MIN_RUNS
 from winchcascade.report.content import Note
 from winchcascade.report.diagnosis_names import (
@@ -64,11 +64,11 @@ MANY_DEVIATIONS = 100.0
 # ----------------------------------------------------------------------------------------------------------- the verdict
 def judged_words(found: DiagnosisResult) -> str:
     """On what the gap is closed: on held-out data, or by leaving parts out of the fit in turn."""
-    if isinstance(found, LineDiagnosis):
-        folds, held_out = int(found.fit.noise.fold.max()) + 1, "cycles"
-        parts = [part for part in found.lines.parts if part.withheld]
+    if isinstance(found, StageDiagnosis):
+        folds, held_out = len(set(found.fit.noise.fold.tolist())), "cycles"
+        parts = [part for part in found.data.parts if part.withheld]
         held = [f"{part.cycles[0]} to {part.cycles[1]} of {part.run.name}" for part in parts]
-        whole = len(found.lines.cycle_names) >= folds
+        whole = len(found.data.cycle_names) >= folds
         each = "by leave-one-cycle-out" if whole else f"by leaving out one of {folds} stretches"
     else:
         assert isinstance(found, ModelDiagnosis)  # there are no others
@@ -95,7 +95,7 @@ def interval_words(low: float, high: float) -> str:
 
 def verdict_words(found: DiagnosisResult) -> str:
     """The verdict in one honest sentence: causes, the share of the gap that they close and on what, and the residual."""
-    closure, count, line = found.closure, len(found.causes), isinstance(found, LineDiagnosis)
+    closure, count, line = found.closure, len(found.causes), isinstance(found, StageDiagnosis)
     gap = "gap between your simulation and the logs" if has_own_simulation(found) else "gap"
     if shared := _shared_words(found):
         return f"Your simulation differs from the logs by no more than noise: both have {shared}. No cause is named."
@@ -132,7 +132,7 @@ def verdict_words(found: DiagnosisResult) -> str:
     if more:
         named = f"A fit of {count + more} effects, of which the leading {count} are named, closes"
     if line:
-        gap = "squared error between winch power and line power"
+        gap = "squared difference of the powers"
     interval = interval_words(closure.low, closure.high)
     return f"{named} {share} of the {gap} (95 %: {interval}) {judged_words(found)}; {_residual_words(found)}."
 
@@ -167,7 +167,7 @@ def where_words(found: DiagnosisResult) -> str:
     if found.where is None:
         return ""
     alarms = found.remainder.alarms if found.remainder is not None else ()
-    if isinstance(found, LineDiagnosis) or not alarms or any(abs(place.z) > STANDS_OUT for place in found.places):
+    if isinstance(found, StageDiagnosis) or not alarms or any(abs(place.z) > STANDS_OUT for place in found.places):
         return place_sentence(found)
     where = about_words(alarms[0].about, files_of(found))
     return f"No mean over a phase deviates beyond noise and uncertainties; what shows is {alarms[0].kind}, {where}."
@@ -207,8 +207,8 @@ def action_of(found: DiagnosisResult, cause: NamedCause) -> Action:
     if cause.stage == "sensor":
         known = SENSORS.get(path.rpartition(".")[2])
         return Action(f"recalibrate {known}" if known else f"check the {effect.display.what}")
-    if isinstance(found, LineDiagnosis):
-        return Action("correct the line power for it")
+    if isinstance(found, StageDiagnosis):
+        return Action("enter it under [laws]" if cause.stage != "transmission" else "correct the line power for it")
     return Action("enter it with `--write`")
 
 
@@ -310,7 +310,7 @@ def simulations_of(found: DiagnosisResult) -> tuple[Run, ...]:
 # ------------------------------------------------------------------------------------------------------------ run by run
 def stability_words(found: DiagnosisResult) -> str:
     """Whether the runs agree on the number of each cause; nothing where too few give one, or where they differ."""
-    item = "cycle" if isinstance(found, LineDiagnosis) else "run"
+    item = "cycle" if isinstance(found, StageDiagnosis) else "run"
     steady = [
         cause.effect
         for cause in found.causes

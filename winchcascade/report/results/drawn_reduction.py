@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from winchcascade.diagnosis.explain.model_comparison import Account, modelled
-from winchcascade.reduction.loss_map import LossMap
+from winchcascade.diagnosis.stages.stage_map import LossMap
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
 from winchcascade.reduction.wave_energies import waves_of
@@ -14,7 +14,7 @@ from winchcascade.report.figures import reduction_figures as figures
 from winchcascade.report.figures.histories import powers_of
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.results.common import histories
-from winchcascade.report.results.loss_surface import loss_map_pictures, loss_map_section
+from winchcascade.report.results.loss_map_report import loss_map_pictures, loss_map_section
 from winchcascade.report.results.model_section import run_section
 from winchcascade.report.results.reduction import reduction_report, stated_text
 from winchcascade.report.results.waves import wave_picture

@@ -15,7 +15,7 @@ import msgspec
 from winchcascade.core.arguments import NUMBER, check_arguments
 from winchcascade.core.errors import OptionError
 from winchcascade.core.scales import Scales
-from winchcascade.rig.effects.effect import ActiveEffect, Effect, LookAlikes
+from winchcascade.rig.effects.effect import ActiveEffect, Effect, LookAlikes, StageLaw
 from winchcascade.rig.effects.laws import ACTS, shared_radius
 
 ENTRY, SIMPLIFICATION = "entry", "simplification"
@@ -53,6 +53,9 @@ CLASSES = tuple(
     msgspec.convert({**_texts(table), "name": name}, LookAlikes) for name, table in _TABLES.pop("class").items()
 )
 """Classes of look-alikes; an effect belongs to the first class that has it with another of its members."""
+
+LAWS = {name: msgspec.convert({**_texts(table), "name": name}, StageLaw) for name, table in _TABLES.pop("law").items()}
+"""Laws of stages by name; a suspect by the name of an effect is that effect."""
 
 _ALL = {
     kind: {name: _declared(kind, name, table, table["fields"]) for name, table in tables.items()}

@@ -252,6 +252,35 @@ class ActiveEffect(msgspec.Struct, frozen=True):
         return self.values[0] if reported_from is None else reported_from(self.values)
 
 
+class StageLaw(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A power of a stage that is linear in one number: a loss, what a store takes up, or an error of a sensor.
+
+    Parameters
+    ----------
+    label, summary, what : plain name, what it is, and what its number is
+    parameter, unit, factor : the number, its SI unit, and the factor to the percents that reports show
+    kind : a `loss` is the number times a product of magnitudes of signals, an `exchange` the same with their signs; a `store`
+        takes up half the number times the rate of a square; a `gas` at one temperature takes up its pressure times the rate of
+        its volume; `gain` and `zero` are those of a sensor
+    over : signals of the stage with their exponents in the product
+    needs, without : a signal that the stage must have, and one that it must not have
+    share : of an error, its plausible range: of a zero, as a share of the top reading [1]
+    """
+
+    name: str
+    parameter: str
+    unit: str
+    what: str
+    label: str = ""
+    summary: str = ""
+    factor: float = 1.0
+    kind: Literal["loss", "exchange", "store", "gas", "gain", "zero"] = "loss"
+    over: dict[str, int] = {}
+    needs: str = ""
+    without: str = ""
+    share: tuple[float, float] = (0.0, 0.0)
+
+
 class LookAlikes(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A class of effects that the channels of a rig hardly distinguish, at any number of logs, as their laws nearly agree.
 

@@ -1,11 +1,13 @@
-"""What the diagnosis of a winch without a model states: causes in units of the line, energies, sets that were tried."""
+"""What the diagnosis of stages without a model states: causes, energies by stage, sets that were
+tried.
+"""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 from winchcascade.diagnosis.diagnosis_result import Place, StageEnergy
-from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.report.content import (
     Cell,
     Column,
@@ -26,7 +28,7 @@ from winchcascade.report.diagnosis_names import (
     shown_as,
     word_of,
 )
-from winchcascade.report.figures import line_figures as figures
+from winchcascade.report.figures import stage_figures as figures
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import upper
 from winchcascade.report.results import diagnosis_words as words
@@ -47,23 +49,22 @@ from winchcascade.report.results.diagnosis_parts import (
 )
 from winchcascade.report.wording import banner
 
-KILO = figures.KILO
-
 LISTED_SETS = 12
 """Sets of suspects that are listed; all are in the JSON."""
 
 
 @house_style()
-def line_report(found: LineDiagnosis, *, command: str = "") -> Report:
-    """Report of a winch of which line tension, speed and shaft power are known."""
-    word, lines = word_of(found), found.lines
+def stage_report(found: StageDiagnosis, *, command: str = "") -> Report:
+    """Report of a cascade of which the powers of neighbouring stages are known."""
+    word, data = word_of(found), found.data
     rows: list[tuple[str, Cell]] = [
-        (p.run.name, f"cycles {p.cycles[0]} to {p.cycles[1]}, {p.run.sha256 or 'no file'}") for p in lines.parts
+        (p.run.name, f"cycles {p.cycles[0]} to {p.cycles[1]}, {p.run.sha256 or 'no file'}") for p in data.parts
     ]
+    stages = " to ".join([data.paths[0].into.name, *(path.out.name for path in data.paths)])
     return Report(
         kind="Diagnosis of a campaign",
         title=f"{found.title}: {words.VERDICTS[found.verdict].lower()}",
-        subtitle=f"{len(lines.cycle_names)} cycles · rig {found.rig.name}: line tension, speed and winch power, no model",
+        subtitle=f"{len(data.cycle_names)} cycles · rig {found.rig.name}: {stages}, no model",
         tiles=[verdict_tile(found), *step_tile(found)],
         points=first_points(found),
         sections=[
@@ -88,7 +89,7 @@ def line_report(found: LineDiagnosis, *, command: str = "") -> Report:
     )
 
 
-def _others_table(found: LineDiagnosis) -> Table[EffectNumber] | None:
+def _others_table(found: StageDiagnosis) -> Table[EffectNumber] | None:
     """Numbers of the effects that were fitted and are not named."""
     named = {cause.effect for cause in (*found.causes, *found.candidates)}
     rows = [
@@ -101,8 +102,11 @@ def _others_table(found: LineDiagnosis) -> Table[EffectNumber] | None:
 
 # -------------------------------------------------------------------------------------------------------------- energies
 class PhaseEnergy(NamedTuple):
-    """Energy of all judged cycles in a phase [J], and by which share predictions deviate from it, and in the worst cycle."""
+    """Energy of all judged cycles at a stage in a phase [J], and by which share predictions
+    deviate, also in the worst cycle.
+    """
 
+    stage: str
     phase: str
     measured: float
     before: float
@@ -110,20 +114,24 @@ class PhaseEnergy(NamedTuple):
     worst: float
 
 
-def _energies_table(found: LineDiagnosis) -> Table[PhaseEnergy] | None:
-    """Energies of the judged cycles by phase: measured, and how far predictions deviate."""
+def _energies_table(found: StageDiagnosis) -> Table[PhaseEnergy] | None:
+    """Energies of the judged cycles by stage and phase: measured, and how far predictions
+    deviate.
+    """
     rows = []
-    for phase in ("payout", "haul_in"):
-        own = [one for one in found.energies if one.phase == phase and one.measured]
+    for stage, phase in dict.fromkeys((one.stage, one.phase) for one in found.energies if one.phase != "hold"):
+        own = [one for one in found.energies if (one.stage, one.phase) == (stage, phase) and one.measured]
         if measured := sum(one.measured for one in own):
             before, after = (sum(getattr(one, of) for one in own) / measured - 1.0 for of in ("before", "after"))
             worst = max((one.after / one.measured - 1.0 for one in own), key=abs)
-            rows.append(PhaseEnergy(phase, measured, before, after, worst))
+            rows.append(PhaseEnergy(stage, phase, measured, before, after, worst))
+    factor, k = figures.prefix(max((abs(row.measured) for row in rows), default=0.0))
     return table(
-        "energies", "Energy of the winch, and by how much predictions deviate from it.",
+        "energies", "Energy at the stages, and by how much predictions deviate from it.",
         [
-            Column[PhaseEnergy]("phase", lambda row: phase_words(row.phase)),
-            Column("energy", lambda row: row.measured * KILO, "kJ", 0),
+            Column[PhaseEnergy]("stage", lambda row: row.stage),
+            Column("phase", lambda row: phase_words(row.phase)),
+            Column("energy", lambda row: row.measured * factor, f"{k}J", 0),
             Column("before", lambda row: 100.0 * row.before, "%", 1, signed=True),
             Column("after", lambda row: 100.0 * row.after, "%", 1, signed=True),
             Column("worst cycle", lambda row: 100.0 * row.worst, "%", 1, signed=True),
@@ -133,19 +141,21 @@ def _energies_table(found: LineDiagnosis) -> Table[PhaseEnergy] | None:
 
 
 # ---------------------------------------------------------------------------------------------------------- the evidence
-def _where(found: LineDiagnosis, word: str) -> Section:
+def _where(found: StageDiagnosis, word: str) -> Section:
+    factor, k = figures.prefix(max(place.rms for place in found.places))
     return section(
         "where", "Where the gap lies",
         picture(
-            figures.power_history(found, word), "history", f"Power of the winch: {word} and predicted; below, the residual.",
+            figures.power_history(found, word), "history", f"Power that comes out: {word} and predicted; below, the residual.",
             "Lines over time; root mean squares are in the table.",
         ),
         table(
-            "places", f"{upper(word)} power of the winch minus line tension times speed, phase by phase.",
+            "places", f"{upper(word)} power that comes out minus that which goes in, stage by stage.",
             [
+                Column[Place]("stage", lambda place: place.stage),
                 Column("phase", lambda place: phase_words(place.phase)),
-                Column[Place]("bias", lambda place: bias_cell(place, KILO), "kW"),
-                Column("rms", lambda place: place.rms * KILO, "kW", 2),
+                Column("bias", lambda place: bias_cell(place, factor), f"{k}W"),
+                Column("rms", lambda place: place.rms * factor, f"{k}W", 2),
                 Column("z", lambda place: place.z, "", 1, signed=True),
                 Column("share of the squares", lambda place: 100.0 * place.share, "%", 1),
             ],
@@ -156,11 +166,13 @@ def _where(found: LineDiagnosis, word: str) -> Section:
     )  # fmt: skip
 
 
-def _how_far(found: LineDiagnosis, word: str) -> Section:
+def _how_far(found: StageDiagnosis, word: str) -> Section:
     energies = [one for one in found.energies if one.phase != "hold"] if found.closure is not None else []
 
+    factor, k = figures.prefix(max((abs(one.measured) for one in energies), default=0.0))
+
     def energy(name: str) -> Column[StageEnergy]:
-        return Column(name, lambda one: Measured(getattr(one, name) * KILO, one.u * KILO), "kJ")
+        return Column(name, lambda one: Measured(getattr(one, name) * factor, one.u * factor), f"{k}J")
 
     return section(
         "how-far", "How far the gap closes",
@@ -170,9 +182,10 @@ def _how_far(found: LineDiagnosis, word: str) -> Section:
             "Clouds of marks about a diagonal, wide before and narrow after.",
         ),
         table(
-            "cycle-energies", "Energy of the winch by cycle and phase, with the uncertainty of the prediction.",
+            "cycle-energies", "Energy by stage, cycle and phase, with the uncertainty of the prediction.",
             [
                 Column[StageEnergy]("run", lambda one: found.runs[one.run].name),
+                Column("stage", lambda one: one.stage),
                 Column("cycle", lambda one: one.cycle),
                 Column("phase", lambda one: phase_words(one.phase)),
                 *map(energy, ("measured", "before", "after", "u")),
@@ -184,7 +197,7 @@ def _how_far(found: LineDiagnosis, word: str) -> Section:
     )  # fmt: skip
 
 
-def _tried(found: LineDiagnosis) -> Section:
+def _tried(found: StageDiagnosis) -> Section:
     return section(
         "tried", "What was tried",
         Note(words.not_needed_words(found), brief=False) if found.causes else None,

@@ -1,11 +1,13 @@
-"""Figures of a winch without a model: its power over time, and over what is predicted."""
+"""Figures of stages without a model: the power that comes out over time, and over what is
+predicted.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.report.figures.diagnosis_figures import DASHES
 from winchcascade.report.figures.style import (
     COLOURS,
@@ -17,7 +19,7 @@ from winchcascade.report.figures.style import (
 )
 from winchcascade.report.glossary import upper
 
-GIVEN, CAUSED = "line tension times speed", "with the causes"
+GIVEN, CAUSED = "without losses", "with the causes"
 
 MARKS = 2500
 """Blocks that are drawn over each other, at most."""
@@ -28,17 +30,26 @@ NEAR = 12.0
 SHOWN = 2
 """Cycles that are drawn over time."""
 
-KILO = 1e-3
-"""From W to kW."""
+
+def prefix(size: float) -> tuple[float, str]:
+    """Factor and prefix of the unit in which powers or energies of some size are shown.
+
+    >>> prefix(2000.0), prefix(5.0)
+    ((0.001, 'k'), (1.0, ''))
+    """
+    return (1e-3, "k") if size >= 1e3 else (1.0, "")
 
 
-def power_history(found: LineDiagnosis, word: str) -> Figure:
-    """Draw the power of two cycles over time, with the residual below, and the largest gap of them enlarged."""
-    rows = found.lines.judged
-    rows = rows.some(rows.part == rows.part[0])
+def power_history(found: StageDiagnosis, word: str) -> Figure:
+    """Draw the power of two cycles over time, with the residual below, and the largest gap of them
+    enlarged.
+    """
+    judged = found.data.judged
+    own_rows = (judged.part == judged.part[0]) & (judged.path == _widest(found))
+    rows = judged.some(own_rows)
     t, cycles = rows.t, np.unique(rows.own_cycle)
     measured, given = rows.given + rows.gap, rows.given
-    caused = None if found.closure is None else measured - found.closure.after[: t.size]
+    caused = None if found.closure is None else measured - found.closure.after[own_rows]
     middle = cycles[max(cycles.size // 2 - 1, 0) :][:SHOWN]
     own = t[np.isin(rows.own_cycle, middle)]
     shown = (t >= own[0]) & (t <= own[-1])
@@ -46,38 +57,49 @@ def power_history(found: LineDiagnosis, word: str) -> Figure:
     near = (t >= about - 0.5 * NEAR) & (t <= about + 0.5 * NEAR)
     figure = wide_figure(4.3)
     axes = figure.subplots(2, 2, sharex="col", width_ratios=(2.1, 1.0), height_ratios=(1.7, 1.0))
-    title = f"{'Two cycles' if middle.size > 1 else 'One cycle'} of {found.lines.parts[rows.part[0]].run.name}"
+    factor, k = prefix(float(np.max(np.abs(measured))))
+    title = f"{'Two cycles' if middle.size > 1 else 'One cycle'} of {found.data.parts[rows.part[0]].run.name}"
     for column, (here, text) in enumerate(((shown, title), (near, "Where they differ most"))):
         above, below = axes[:, column]
         for power, colour, style in ((given, "mech", {"lw": 0.9, "ls": DASHES}), (caused, "gen", {"lw": 1.3})):
             if power is not None:
-                above.plot(t[here] - own[0], power[here] * KILO, color=COLOURS[colour], **style)
-                below.plot(t[here] - own[0], (measured - power)[here] * KILO, color=COLOURS[colour], **style)
-        above.plot(t[here] - own[0], measured[here] * KILO, color=COLOURS["ink"], lw=0.7)
+                above.plot(t[here] - own[0], power[here] * factor, color=COLOURS[colour], **style)
+                below.plot(t[here] - own[0], (measured - power)[here] * factor, color=COLOURS[colour], **style)
+        above.plot(t[here] - own[0], measured[here] * factor, color=COLOURS["ink"], lw=0.7)
         above.margins(x=0.01)
         below.axhline(0.0, color=COLOURS["soft"], lw=0.6)
         below.set_xlabel("Time (s)")
         label_panel(above, "ab"[column], text)
-    axes[0, 0].set_ylabel("Winch power (kW)")
-    axes[1, 0].set_ylabel("Residual (kW)")
+    axes[0, 0].set_ylabel(f"Power ({k}W)")
+    axes[1, 0].set_ylabel(f"Residual ({k}W)")
     with_causes = [line_entry(CAUSED, "gen", lw=1.3)] if caused is not None else []
     legend_above(figure, [line_entry(word, lw=0.9), line_entry(GIVEN, "mech", lw=1.0, ls=DASHES), *with_causes])
     return figure
 
 
-def power_scatter(found: LineDiagnosis, word: str) -> Figure | None:
-    """Draw measured over predicted power, by the line alone and with the causes, at blocks spread over the judged cycles."""
+def power_scatter(found: StageDiagnosis, word: str) -> Figure | None:
+    """Draw measured over predicted power, by the line alone and with the causes, at blocks spread
+    over the judged cycles.
+    """
     if found.closure is None:
         return None
-    rows, after = found.closure.rows, found.closure.after
+    here = found.closure.rows.path == _widest(found)
+    rows, after = found.closure.rows.some(here), found.closure.after[here]
+    factor, k = prefix(float(np.max(np.abs(rows.given))))
     powers = np.array([rows.given + rows.gap, rows.given, rows.given + rows.gap - after])
-    measured, *sides = powers[:, :: max(after.size // MARKS, 1)] * KILO
+    measured, *sides = powers[:, :: max(after.size // MARKS, 1)] * factor
     ends = np.quantile(measured, (0.0005, 0.9995)).tolist()
     figure, axes = panel_figure(3.1, 1, 2, share="xy")
     for ax, letter, predicted, colour, title in zip(axes, "ab", sides, ("mech", "gen"), (GIVEN, CAUSED), strict=True):
         ax.plot(ends, ends, color=COLOURS["soft"], lw=0.7)
         ax.plot(predicted, measured, ".", ms=2.0, mew=0, color=COLOURS[colour], alpha=0.5)
         ax.set(xlim=ends, ylim=ends)
-        label_panel(ax, letter, upper(title), x="Predicted winch power (kW)")
-    axes[0].set_ylabel(f"{upper(word)} winch power (kW)")
+        label_panel(ax, letter, upper(title), x=f"Predicted power ({k}W)")
+    axes[0].set_ylabel(f"{upper(word)} power ({k}W)")
     return figure
+
+
+def _widest(found: StageDiagnosis) -> int:
+    """Number of the path that loses most."""
+    rows = found.data.judged
+    return int(np.argmax(np.bincount(rows.path, rows.gap**2)))

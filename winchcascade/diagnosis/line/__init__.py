@@ -1,1 +1,0 @@
-"""Diagnosis of a winch without a model: from line tension, line speed and mechanical power alone."""

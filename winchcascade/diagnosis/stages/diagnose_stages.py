@@ -1,0 +1,311 @@
+"""Diagnose stages without a model: where their gap lies, which losses, stores and sensors explain
+it, and what remains.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.jobs import linear_algebra_on_one_thread
+from winchcascade.core.log_thresholds import with_thresholds
+from winchcascade.diagnosis.diagnosis_result import (
+    Alarm,
+    DiagnosisResult,
+    Entries,
+    GapClosure,
+    NamedCause,
+    Place,
+    Remainder,
+    Shrunk,
+    Spot,
+    StageEnergy,
+    Verdict,
+    Where,
+)
+from winchcascade.diagnosis.explain.gap_map import weigh
+from winchcascade.diagnosis.fit.block_means import HOLD, scatter_about_course
+from winchcascade.diagnosis.judge.closure import DRAWS
+from winchcascade.diagnosis.stages.stage_causes import is_material, is_steady, plan, stage_causes
+from winchcascade.diagnosis.stages.stage_fit import StageFit, fit_of, folds_of
+from winchcascade.diagnosis.stages.stage_rows import PARTS_OF_RUN, StageData, StageRows, stage_data
+from winchcascade.diagnosis.verdict_limits import CHANCE, HALF, MOSTLY, OPEN, ROUGH
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from winchcascade.core.rig_file import Rig
+    from winchcascade.core.run import Index, Signal
+    from winchcascade.diagnosis.fit.suspects import Suspects
+
+PART_OF_GAP = 0.01
+"""A structure with less than this share of the squared gap has no effect on the verdict."""
+
+FEW = 12
+"""Minimum number of triples of neighbouring blocks for an estimate of their noise."""
+
+SMALL_ENERGY = 0.03
+"""Share of the measured energy of a phase below which a difference has no effect on the verdict:
+force cells and powers of field winches are accurate to 1 to 3 % of the reading."""
+
+
+class StageClosure(GapClosure, frozen=True):
+    """Share of the squared gap that the causes close on the rows that they are tested on: 1 -
+    sum(after^2) / sum(gap^2).
+
+    `after` is measured minus predicted at these rows, (m,) [W], by a fit without them.
+    """
+
+    rows: StageRows
+    after: Signal
+
+    @property
+    def beyond_noise(self) -> float:
+        """Share that is closed of what exceeds the noise of the powers. [1]"""
+        powers = self.channels.values()
+        before, after, noise = (sum(getattr(one, of) ** 2 for one in powers) for of in ("before", "after", "noise"))
+        return 1.0 - max(after - noise, 0.0) / (before - noise) if before > noise else 0.0
+
+
+class StageDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
+    """A diagnosis of stages without a model.
+
+    `places` map the gap path by path and phase by phase, `energies` are those of the judged cycles.
+    """
+
+    data: StageData
+    fit: StageFit
+    closure: StageClosure | None = None
+    energies: tuple[StageEnergy, ...] = ()
+
+
+@linear_algebra_on_one_thread()
+def diagnose_stages(
+    entries: Entries,
+    rig: Rig,
+    suspects: Suspects,
+    *,
+    seed: int = 0,
+    on_progress: Callable[[str], None] = lambda _: None,
+) -> StageDiagnosis:
+    """Diagnose the losses between the stages of a cascade, of which two powers at least are logged.
+
+    Parameters
+    ----------
+    entries : runs; if none is withheld, causes are chosen on all cycles and each is left out of the
+        fit once
+    suspects : effects by name that may be named; those that are laws of the stages count
+    seed : of the resampling of cycles
+    on_progress : called with a sentence on each step
+
+    Raises
+    ------
+    CampaignError, LogError, OptionError : something cannot be used; the message names it
+    """
+    rig = with_thresholds(rig, entries.runs)
+    entries.check_withheld()
+    on_progress("taking the samples that count")
+    data = stage_data(entries, rig, suspects)
+    on_progress("leaving each cycle out in turn")
+    fit = fit_of(data)
+    closure = _closure(fit, seed)
+    on_progress("looking for alternative explanations")
+    fitted, chosen = stage_causes(fit), fit.found.best.names
+    material = [cause for cause in fitted if is_material(fit, cause.effect)]
+    causes = tuple(cause for cause in material if is_steady(cause))
+    candidates = tuple(cause for cause in material if cause not in causes)
+    energies, alarms = _energies(fit, closure.after)
+    remainder = _remainder(fit, closure, alarms)
+    verdict = _verdict(closure, remainder, causes, candidates)
+    places, experiment = _places(data), plan(fit, causes)
+    no_gap = verdict == "no_gap"
+    if verdict == "partly_explained":  # what else acts, a cause may imitate
+        causes, candidates, fitted = (tuple(map(_doubted, several)) for several in (causes, candidates, fitted))
+    causes, candidates = ((), ()) if verdict == "unexplained" else (causes, candidates)
+    largest = max(places, key=lambda place: place.share)
+    return StageDiagnosis(
+        title=entries.title,
+        rig=rig,
+        seed=seed,
+        runs=tuple(part.run for part in data.parts),
+        suspects=data.suspects,
+        verdict=verdict,
+        where=None if no_gap else Where(causes[0].stage if causes else largest.stage, largest),
+        chosen=chosen,
+        causes=causes,
+        candidates=candidates,
+        fitted=fitted,
+        closure=closure if chosen and not no_gap else None,
+        remainder=None if no_gap else remainder,
+        experiment=experiment,
+        sets=fit.probability,
+        data=data,
+        fit=fit,
+        places=places,
+        energies=energies,
+    )
+
+
+def _doubted(cause: NamedCause) -> NamedCause:
+    """A cause with the posterior that it may have while something else acts."""
+    return msgspec.structs.replace(cause, probability=min(cause.probability, OPEN))
+
+
+def _verdict(
+    closure: StageClosure, remainder: Remainder, causes: Sequence[NamedCause], candidates: Sequence[NamedCause]
+) -> Verdict:
+    """Explained when no alarm and no candidate remains and at least `MOSTLY` of what exceeds noise
+    is closed.
+
+    A number that changes little from cycle to cycle does not forbid it by itself: what it does to
+    the energies of held-out cycles does.
+    """
+    if not causes and not candidates:
+        return "unexplained" if remainder.alarms else "no_gap"
+    if not remainder.alarms and not candidates and closure.beyond_noise >= MOSTLY:
+        return "explained"
+    return "partly_explained" if closure.share >= HALF or not remainder.alarms else "unexplained"
+
+
+# --------------------------------------------------------------------------------------------- where, and how far it closes
+def _kinds(rows: StageRows) -> Iterator[tuple[int, int, Index]]:
+    """Path and phase of which there are rows, and these rows."""
+    for kind in np.unique(rows.kind).tolist():
+        yield (*divmod(kind, len(PARTS_OF_RUN)), np.flatnonzero(rows.kind == kind))
+
+
+def _places(data: StageData) -> tuple[Place, ...]:
+    """Map the gap: one row for each path and phase of which there are blocks."""
+    found, squares = [], max(float(np.sum(data.rows.gap**2)), 1e-300)
+    for path, phase, here in _kinds(data.rows):
+        own = data.rows.some(here)
+        if own.t.size < 2:
+            continue
+        noise = _noise(own, own.gap)
+        noise = noise if math.isfinite(noise) else float(np.std(own.gap))
+        by = weigh(own.gap, own.blocks.cycle, np.full(own.t.size, noise), 0.0, np.zeros((own.t.size, 1)))
+        place = data.paths[path]
+        named = {"channel": place.channel, "phase": PARTS_OF_RUN[phase], "stage": place.place}
+        found.append(msgspec.structs.replace(by, **named, share=float(np.sum(own.gap**2)) / squares))
+    return tuple(found)
+
+
+def _noise(rows: StageRows, x: Signal) -> float:
+    """Noise of the rows of one path and phase, about their smooth course; NaN where there are too
+    few blocks. [W]
+    """
+    return scatter_about_course(rows.blocks, x, np.ones(x.size, dtype=bool), FEW)
+
+
+def _closure(fit: StageFit, seed: int) -> StageClosure:
+    """Predict every judged row from a fit without it, and resample the cycles for the interval of
+    the share.
+    """
+    data, rows, after = fit.data, fit.data.judged, fit.residual(fit.found.best)
+    fold = folds_of(rows.blocks.cycle)
+    old, new = np.bincount(fold, rows.gap**2), np.bincount(fold, after**2)
+    draws = np.random.default_rng(seed).integers(old.size, size=(DRAWS, old.size))
+    shares = 1.0 - new[draws].sum(axis=1) / np.maximum(old[draws].sum(axis=1), 1e-300)
+    share = float(1.0 - new.sum() / max(old.sum(), 1e-300))
+    low, high = np.quantile(shares, (0.025, 0.975)).tolist()
+    channels = {}
+    for number, path in enumerate(data.paths):
+        here = rows.path == number
+        noise = [
+            _noise(rows.some(own), after[own]) ** 2 * own.size / max(int(np.count_nonzero(here)), 1)
+            for p, _, own in _kinds(rows)
+            if p == number
+        ]
+        before, left = (float(np.sqrt(np.mean(x[here] ** 2))) if here.any() else 0.0 for x in (rows.gap, after))
+        channels[path.channel] = Shrunk(before, left, math.sqrt(float(np.nansum(noise))))
+    return StageClosure(channels, share, min(low, share), max(high, share), rows=rows, after=after)
+
+
+def _remainder(fit: StageFit, closure: StageClosure, energies: tuple[Alarm, ...]) -> Remainder:
+    """Distinguish the residual from noise: energies that are not explained, and phases in which it
+    has a smooth course.
+    """
+    data, rows, after, alarms = fit.data, closure.rows, closure.after, list(energies)
+    noisiest: dict[float, Spot] = {}
+    for path, phase, here in _kinds(rows):
+        spot, squares = Spot(data.paths[path].channel, PARTS_OF_RUN[phase]), float(np.sum(after[here] ** 2))
+        noisiest[squares] = spot
+        noise = _noise(rows.some(here), after[here])
+        ratio = math.sqrt(squares / here.size) / noise if noise > 0.0 else 0.0
+        if ratio > ROUGH and squares - here.size * noise**2 > PART_OF_GAP * float(np.sum(rows.gap**2)):
+            alarms.append(Alarm("structure", spot, ratio, ROUGH))
+    return Remainder(
+        share=max(1.0 - closure.share, 0.0),
+        alarms=tuple(sorted(alarms, key=lambda alarm: -alarm.size / alarm.limit)),
+        worst=energies[0].about if energies else noisiest[max(noisiest)],
+    )
+
+
+# ---------------------------------------------------------------------------------------------------------------- energies
+def _energies(fit: StageFit, after: Signal) -> tuple[tuple[StageEnergy, ...], tuple[Alarm, ...]]:
+    """Energies of the judged cycles by path and phase, and an alarm for each whose energies the
+    causes do not explain.
+
+    The residuals of a phase are an alarm where their root mean square, or their sum, is more than a
+    small share of the energy, and more than the noise within the phases and the uncertainty of the
+    coefficients allow. The uncertainty that is reported contains the scatter of cycles, too.
+    """
+    from scipy.special import chdtrc
+
+    data, rows, kinds = fit.data, fit.data.judged, len(fit.data.paths) * len(PARTS_OF_RUN)
+    code, row, place = np.unique(rows.blocks.cycle * kinds + rows.kind, return_index=True, return_inverse=True)
+    kind = code % kinds
+
+    def energy(power: Signal) -> Signal:
+        return np.bincount(place, power * rows.width).astype(np.float64)
+
+    measured, before, residual = map(energy, (rows.gap + rows.given, rows.given, after))
+    slopes = np.hstack([rows.columns[:, fit.own(fit.found.best)], rows.known])
+    columns = np.array([energy(column) for column in slopes.T]).reshape(-1, code.size).T
+    size = len(fit.found.best.names)
+    spread = np.eye(columns.shape[1])
+    spread[:size, :size] = fit.covariance(fit.found.best)
+    if columns.shape[1] > size:
+        spread[size:, size:] = fit.found.marginal.spread
+    of_numbers = columns @ spread @ columns.T
+    # a sum of n rows has n times the variance of a mean
+    scale = float(np.median(rows.width)) * energy(np.ones(rows.t.size))
+    within, between = (np.diag(scale * variance[kind, -1]) for variance in (fit.noise.within, fit.noise.variance))
+    alarms = []
+    for one in np.unique(kind).tolist():
+        here, spot = np.flatnonzero(kind == one), Spot(*_named(data, one))
+        if one % len(PARTS_OF_RUN) == HOLD:
+            continue
+        for sums, noise in ((np.eye(here.size), within), (np.ones((1, here.size)), between)):  # each cycle, then all
+            left, ruler = sums @ residual[here], sums @ measured[here]
+            allowed = sums @ (noise + of_numbers)[np.ix_(here, here)] @ sums.T
+            size_left = float(np.linalg.norm(left)) / max(float(np.linalg.norm(ruler)), 1e-300)
+            squares = max(float(left @ np.linalg.pinv(allowed, hermitian=True) @ left), 0.0)
+            if size_left > SMALL_ENERGY and float(chdtrc(left.size, squares)) < CHANCE:
+                alarms.append(Alarm("energy", spot, size_left, SMALL_ENERGY))
+    u = np.sqrt(np.diag(between + of_numbers))
+    numbers = np.array([measured, before, measured - residual, u]).T.tolist()
+    energies = [
+        StageEnergy(
+            int(rows.part[k]),
+            _named(data, one)[1],
+            data.paths[one // len(PARTS_OF_RUN)].out.name,
+            was,
+            given,
+            fitted,
+            sd,
+            cycle=int(rows.own_cycle[k]),
+        )
+        for k, one, (was, given, fitted, sd) in zip(row, kind.tolist(), numbers, strict=True)
+    ]
+    largest = {alarm.about: alarm for alarm in sorted(alarms, key=lambda alarm: alarm.size)}
+    return tuple(energies), tuple(sorted(largest.values(), key=lambda alarm: -alarm.size))
+
+
+def _named(data: StageData, kind: int) -> tuple[str, str]:
+    """Channel and phase of a number of path and phase."""
+    path, phase = divmod(kind, len(PARTS_OF_RUN))
+    return data.paths[path].channel, PARTS_OF_RUN[phase]

@@ -1,0 +1,366 @@
+"""Logs of a cascade as one table: a row for each block and path, with its powers and what one unit
+of each law adds.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.accuracy import error_sources
+from winchcascade.core.errors import CampaignError, LogError, OptionError
+from winchcascade.core.integrate import median
+from winchcascade.core.log_thresholds import with_thresholds
+from winchcascade.core.run import CLOCK, Index, Mask, Run, Signal
+from winchcascade.core.scales import motion_of_runs
+from winchcascade.diagnosis.fit.block_means import MIN_SAMPLES, PHASES, Blocks, blocks_of, in_a_row
+from winchcascade.diagnosis.stages.stage_laws import (
+    TOP,
+    StagePath,
+    StageSignals,
+    Suspecteds,
+    axes_of,
+    effects_of,
+    paths_of,
+    stage_signals,
+    suspected_laws,
+)
+from winchcascade.reduction.bins import engaged
+from winchcascade.reduction.reduce import reduce
+from winchcascade.rig.effects.catalogue import EFFECTS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from winchcascade.core.rig_file import Rig
+    from winchcascade.diagnosis.diagnosis_result import Entries
+    from winchcascade.diagnosis.fit.suspects import Suspects
+
+PARTS_OF_RUN = (*PHASES, "window")
+"""Phases by the number that a block carries; of a bench whose cycles are found in no motion all is
+one window."""
+
+FINER = 0.1
+"""Length of the blocks of a winch, whose ramps take long, over those of a rig with a model. [1]"""
+
+BLOCK_LENGTH = 5 / 6
+"""Length of the blocks of a shaft as a share of the width that smooths its motion: longer than the
+ringing of the shaft, shorter than an acceleration. [1]"""
+
+MIN_BLOCKS = 30
+"""Minimum number of blocks of a log of a winch: five for each of its laws."""
+
+
+NOTHING = np.zeros(0)
+"""Numbers of no suspect."""
+
+
+class StagePart(msgspec.Struct, frozen=True):
+    """What one entry of a campaign takes of a log: its first and last cycle, and the number of
+    samples in its blocks.
+    """
+
+    run: Run
+    withheld: bool
+    cycles: tuple[int, int]
+    samples: int
+
+
+class StageRows(msgspec.Struct, frozen=True):
+    """Means over blocks of all parts and paths in a row, (m,) each.
+
+    `part` and `path` are their numbers, `blocks` has phase and cycle (numbered so that no two parts
+    share one), `own_cycle` the number of the cycle within its log, `t` the middle of the block on
+    the clock of the log and `width` the time that it stands for [s]. `given` is the power that goes
+    in less the stated laws, and `gap` the power that comes out minus that [W]. `columns` (m,
+    suspects) are the powers that one unit of each coefficient adds [W], `known` (m, q) those that
+    one standard uncertainty of what is known of sensors and stated laws adds [W]. `halves` (m, 2, k
+    + q + 1) are columns, known and gap once more: the gap of every other sample with the rest of
+    those between. `axes` (m, 2) are the signals that a path is mapped over.
+    """
+
+    part: Index
+    path: Index
+    blocks: Blocks
+    own_cycle: Index
+    t: Signal
+    width: Signal
+    given: Signal
+    gap: Signal
+    columns: Signal
+    known: Signal
+    halves: Signal
+    axes: Signal
+
+    @property
+    def kind(self) -> Index:
+        """Number of path and phase together, (m,)."""
+        found: Index = self.path * len(PARTS_OF_RUN) + self.blocks.phase
+        return found
+
+    def some(self, here: Mask | Index) -> StageRows:
+        """The rows that are `here`, (m,)."""
+        blocks = Blocks(*(field[here] for field in msgspec.structs.astuple(self.blocks)))
+        cut = {name: getattr(self, name)[here] for name in self.__struct_fields__ if name != "blocks"}
+        return StageRows(blocks=blocks, **cut)
+
+
+class StageData(msgspec.Struct, frozen=True):
+    """All rows of a campaign, and the suspects with their numbers."""
+
+    paths: tuple[StagePath, ...]
+    laws: Suspecteds
+    suspects: Suspects
+    axes: tuple[tuple[str, str], ...]
+    parts: tuple[StagePart, ...]
+    rows: StageRows
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the suspects, in the order of the columns."""
+        return tuple(self.suspects)
+
+    def numbers(self, names: Sequence[str] = (), x: Signal = NOTHING) -> Signal:
+        """Numbers of all suspects, (suspects,): what the rig file states, and what a fit of some of
+        them adds.
+        """
+        added = dict(zip(names, x.tolist(), strict=True))
+        stated = {name: one.stated.value for name, one in self.laws.items() if one.stated is not None}
+        return np.array([stated.get(name, 0.0) + added.get(name, 0.0) for name in self.names])
+
+    @property
+    def plain(self) -> Mask:
+        """Suspects that are no error of a sensor of a power that comes out, (suspects,)."""
+        outgoing = {name for path in self.paths for power in path.out.powers for name in power.channels}
+        return np.array([one.channel not in outgoing for one in self.laws.values()])
+
+    @property
+    def withheld(self) -> Mask:
+        """Rows that take part in neither choice nor fit, (m,)."""
+        return np.array([part.withheld for part in self.parts])[self.rows.part]
+
+    @property
+    def fitted(self) -> StageRows:
+        """Rows that take part in choice and fit."""
+        return self.rows.some(~self.withheld)
+
+    @property
+    def judged(self) -> StageRows:
+        """Rows that the causes are tested on: the withheld ones, or all where none is withheld."""
+        return self.rows.some(self.withheld) if self.withheld.any() else self.rows
+
+    @property
+    def cycle_names(self) -> list[str]:
+        """Name of every cycle of all parts in a row."""
+        first = np.unique(self.rows.blocks.cycle, return_index=True)[1]
+        parts = [self.parts[number].run.name for number in self.rows.part[first]]
+        return [f"cycle {cycle} of {name}" for cycle, name in zip(self.rows.own_cycle[first], parts, strict=True)]
+
+
+def stage_data(
+    entries: Entries, rig: Rig, suspects: Suspects, *, paths: Sequence[StagePath] = (), mapped: bool = False
+) -> StageData:
+    """Take the blocks that count out of logs.
+
+    Parameters
+    ----------
+    paths : that are looked at; all by default
+    mapped : laws are made of the axes of the path alone, and no sensor is a suspect
+
+    Raises
+    ------
+    LogError, CampaignError : a log lacks a channel, or an entry the cycles that it names
+    OptionError : no suspect acts between two stages
+    RigError : the rig file states a law that the stage has not
+    """
+    rig = with_thresholds(rig, entries.runs)
+    chosen = tuple(paths) or paths_of(entries.runs, rig)
+    first = [stage_signals(entries.runs[0], rig, path) for path in chosen]
+    axes = tuple(axes_of(one.signals) for one in first)
+    laws = suspected_laws(first, chosen, rig, suspects, [name for pair in axes for name in pair] if mapped else ())
+    if not laws:
+        raise OptionError(
+            f"none of the suspects ({', '.join(suspects)}) acts between {' and '.join(chosen[0].name.split('-'))}; suspect "
+            f"{', '.join(suspected_laws(first, chosen, rig, EFFECTS))}."
+        )
+    cycles = entries.cycles or [None] * len(entries.runs)
+    parts: list[StagePart] = []
+    tables: list[StageRows] = []
+    for k, (run, asked) in enumerate(zip(entries.runs, cycles, strict=True)):
+        table = _rows_of(run, rig, chosen, laws, axes, asked, (k, len(entries.runs)))
+        needed = MIN_BLOCKS if _by_motion(run, rig) else 1
+        if table.t.size < needed:
+            raise CampaignError(
+                f"{run.name}: {table.t.size} blocks of samples hold the powers of both stages in the cycles that count, "
+                f"and {needed} are needed; name more cycles or use a longer log."
+            )
+        ends = int(table.own_cycle.min()), int(table.own_cycle.max())
+        samples = table.some(table.path == table.path[0]).blocks.count.sum()
+        parts.append(StagePart(run, k in entries.withheld, ends, int(samples)))
+        tables.append(table)
+    rows = _joined(tables, in_a_row([table.blocks for table in tables]))
+    fitted = rows.some(~np.array([part.withheld for part in parts])[rows.part])
+    power = np.array([np.linalg.norm((fitted.gap + fitted.given)[fitted.path == p]) for p in range(len(chosen))])
+    sizes = np.linalg.norm(fitted.columns, axis=0)
+    line = [one.law.kind in ("loss", "zero", "gain") and chosen[0].into.name == "line" for one in laws.values()]
+    if not np.all(power) or np.any(sizes[line] == 0.0):
+        what = (
+            "line speed, line tension or mechanical power" if chosen[0].into.name == "line" else "a power or its signal"
+        )
+        raise LogError(
+            f"{parts[0].run.name}: {what} is 0 throughout the cycles of the fit; a diagnosis needs a rig at work, so choose "
+            "other cycles or check the columns."
+        )
+    moving = sizes > 0.0
+    laws = {name: one for (name, one), moves in zip(laws.items(), moving, strict=True) if moves}
+    of_path = [float(power[max(one.path, 0)]) for one in laws.values()]
+    most = (np.array(of_path) / sizes[moving]).tolist()
+    tops = {
+        name: _top([run.channels[name] for run in entries.runs])
+        for name in {law.channel for law in laws.values()} - {""}
+    }
+    found = effects_of(laws, chosen, most, tops)
+    kept = np.concatenate([moving, np.ones(rows.known.shape[1] + 1, dtype=bool)])
+    rows = msgspec.structs.replace(rows, columns=rows.columns[:, moving], halves=rows.halves[:, :, kept])
+    return StageData(chosen, laws, found, axes, tuple(parts), rows)
+
+
+def _top(several: Sequence[Signal]) -> float:
+    """Top magnitude of a channel in several logs; that of single peaks where it mostly rests."""
+    x = np.abs(np.concatenate(several))
+    return float(np.quantile(x, TOP)) or float(np.max(x))
+
+
+def _by_motion(run: Run, rig: Rig) -> bool:
+    """Whether the cycles of a log are found in the motion of a line, with payouts and haul-ins."""
+    return rig.phases.by_motion and "velocity" in run.channels
+
+
+def _rows_of(
+    run: Run,
+    rig: Rig,
+    paths: Sequence[StagePath],
+    laws: Suspecteds,
+    axes: Sequence[tuple[str, str]],
+    asked: tuple[int, int] | None,
+    number: tuple[int, int],
+) -> StageRows:
+    """Block means of one log; a block counts where at least half of its samples were logged.
+
+    Behind a one-way clutch only blocks count throughout which the clutch drives the shaft.
+
+    Parameters
+    ----------
+    number : of the log, and how many logs there are
+    """
+    blocks, step = _blocks(run, rig, asked), median(np.diff(run.t))
+    tables: list[StageRows] = []
+    width = blocks.count * blocks.mean(np.minimum(np.gradient(run.t), 2.0 * step))  # not that of a gap
+    even = np.arange(run.t.size) % 2 == 0
+    for k, path in enumerate(paths):
+        one = stage_signals(run, rig, path)
+        good, minimum = _logged(run, rig, path) & np.isfinite(one.power_in + one.power_out), 0.5
+        if rig.drivetrain.one_way_clutch and "velocity" in run.channels and path.into.name != "line":
+            cycles = reduce(run, rig=rig).complete
+            good &= engaged(run, [c.phases for c in cycles], [c.summary.payout.plateau for c in cycles], rig)
+            minimum = 1.0 - 1e-9
+        count = blocks.mean(good.astype(np.float64))
+        here = count >= minimum if minimum > 0.5 else count > minimum
+        stated = [(law, law.stated) for law in laws.values() if law.path == k and law.stated is not None]
+        less = [law.value * one.column(suspected.law) for suspected, law in stated]
+        given = np.sum([one.power_in, *less], axis=0)
+        columns = [
+            one.column(law.law, law.channel) if law.path in (k, -1) else np.zeros(run.t.size) for law in laws.values()
+        ]
+        ends = [one.signals.get(name, np.zeros(run.t.size)) for name in axes[k]]
+        known = _known(run, rig, one, laws, k, number)
+        signals = [run.t, given, one.power_out - given, *ends, *columns, *known]
+        means, *halves = (
+            np.array([blocks.mean(np.where(part, x, 0.0)) for x in signals])[:, here]
+            / np.maximum(blocks.mean(part.astype(np.float64))[here], 1e-12)
+            for part in (good, good & even, good & ~even)
+        )
+        beside = [np.vstack([columns_of[5:], gap_of[2:3]]) for gap_of, columns_of in (halves, halves[::-1])]
+        kept = Blocks(*(field[here] for field in msgspec.structs.astuple(blocks)))
+        own = np.maximum(kept.cycle, 1)  # rest before the first payout belongs to its cycle
+        split = 5 + len(columns)
+        tables.append(
+            StageRows(
+                part=np.full(kept.size, number[0]),
+                path=np.full(kept.size, k),
+                blocks=msgspec.structs.replace(kept, cycle=own),
+                own_cycle=own,
+                t=means[0],
+                width=width[here],
+                given=means[1],
+                gap=means[2],
+                axes=means[3:5].T,
+                columns=means[5:split].T,
+                known=means[split:].T,
+                halves=np.stack([half.T for half in beside], axis=1),
+            )
+        )
+    every = zip(*(msgspec.structs.astuple(table.blocks) for table in tables), strict=True)
+    rows = _joined(tables, Blocks(*map(np.concatenate, every)))
+    return rows.some(np.lexsort((rows.path, rows.t, rows.own_cycle)))
+
+
+def _joined(tables: Sequence[StageRows], blocks: Blocks) -> StageRows:
+    """Several tables in a row, with their blocks."""
+    rest = [name for name in StageRows.__struct_fields__ if name != "blocks"]
+    return StageRows(blocks=blocks, **{name: np.concatenate([getattr(t, name) for t in tables]) for name in rest})
+
+
+def _logged(run: Run, rig: Rig, path: StagePath) -> Mask:
+    """Samples at which nothing is bridged that the powers of a path are made of, (n,)."""
+    powers = [stage.power(run.channels, rig.r_drum) for stage in (path.into, path.out)]
+    used = {name for power in powers if power is not None for name in power.channels}
+    logged, step = np.ones(run.t.size, dtype=bool), median(np.diff(run.t))
+    for channel in (CLOCK, "velocity", *used):
+        for a, b in run.gaps.get(channel, np.zeros((0, 2))).tolist():
+            logged &= ~((run.t > a - step) & (run.t < b + step))
+    return logged
+
+
+def _known(run: Run, rig: Rig, one: StageSignals, laws: Suspecteds, path: int, number: tuple[int, int]) -> list[Signal]:
+    """What one standard uncertainty adds to power out minus power in, (n,) each: of the stated laws
+    and of the gains of the sensors, which all logs share, and of the zeros of the sensors, which
+    each log has of its own. [W]
+    """
+    none = np.zeros(run.t.size)
+    stated = [(law, law.stated.u) for law in laws.values() if law.stated is not None and law.stated.u]
+    made = [u * one.column(law.law) if law.path == path else none for law, u in stated]
+    for channel, sensor in rig.sensors.items():
+        for source in error_sources(channel, sensor):
+            columns = one.gains if source.part == "gain" else one.zeros
+            column = source.u * columns.get(channel, none)
+            shared = source.part == "gain"
+            made += [column] if shared else [column if k == number[0] else none for k in range(number[1])]
+    return made
+
+
+def _blocks(run: Run, rig: Rig, asked: tuple[int, int] | None) -> Blocks:
+    """Blocks of a log: by the phases of its motion, or of a bench pieces of the windows of its
+    cycles.
+    """
+    if _by_motion(run, rig):
+        return blocks_of(run, rig, FINER * motion_of_runs([run]).ramp, asked)
+    cycles = [cycle for cycle in reduce(run, rig=rig).complete if asked is None or asked[0] <= cycle.cycle <= asked[1]]
+    step = median(np.diff(run.t))
+    length = max(BLOCK_LENGTH * rig.thresholds.smoothing, MIN_SAMPLES * step)
+    pieces: list[Signal] = []
+    for cycle in cycles:
+        begin, end = cycle.window.onset, cycle.window.cutoff
+        count = max(int((end - begin) / length + 1e-6), 1)
+        edges = np.searchsorted(run.t, np.linspace(begin, end, count + 1))
+        edges[-1] = np.searchsorted(run.t, end, side="right")
+        whole = np.diff(edges) >= min(0.5 * length / step, 2.0)
+        joined = np.concatenate(([False], whole[:-1]))
+        same = np.full(count, PARTS_OF_RUN.index("window")), np.full(count, cycle.cycle)
+        pieces.append(np.column_stack([edges[:-1], edges[1:], *same, joined])[whole])
+    if not pieces:
+        raise LogError(f"{run.name}: no cycle is complete; a diagnosis needs one, so check [phases] of the rig file.")
+    start, stop, phases, numbers, joined_to = np.vstack(pieces).T
+    return Blocks(start, stop, phases, numbers, joined_to.astype(bool))
