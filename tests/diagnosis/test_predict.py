@@ -13,8 +13,8 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.predict import CHANNELS, MAX_KEPT, Course
 from winchcascade.rig.baseline import baseline
-from winchcascade.rig.kernel import Constants, constants
 from winchcascade.rig.parts import PARTS, number_of, numbers_of, with_part
+from winchcascade.rig.state import Constants, constants
 
 RIG = built_in()
 MODEL = baseline(RIG)

@@ -18,8 +18,8 @@ from winchcascade.diagnosis.diagnosis_result import Contribution, DiagnosisResul
 from winchcascade.diagnosis.gap_map import without_zeros
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.rig.effects.laws import share_of_k_e
-from winchcascade.rig.kernel import constants
 from winchcascade.rig.parts import ROLLOFF_KNOTS
+from winchcascade.rig.state import constants
 
 if TYPE_CHECKING:
     import pandas as pd

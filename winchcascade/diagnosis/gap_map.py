@@ -21,8 +21,8 @@ from winchcascade.diagnosis.block_noise import NOISELESS
 from winchcascade.diagnosis.diagnosis_result import Place, Where
 from winchcascade.diagnosis.misfit import Fitted, Log
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.rig.kernel import constants
 from winchcascade.rig.stages import Along, StageOutput, along, outputs_along
+from winchcascade.rig.state import constants
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

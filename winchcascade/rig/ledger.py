@@ -6,9 +6,10 @@ import numpy as np
 
 from winchcascade.core.run import Signal
 from winchcascade.rig import physics
-from winchcascade.rig.kernel import COLUMNS, LineMotion, constants
+from winchcascade.rig.kernel import COLUMNS, LineMotion
 from winchcascade.rig.parts import Model
 from winchcascade.rig.physics import ELECTRICAL_LOSSES, SHAFT_LOSSES
+from winchcascade.rig.state import constants
 
 
 class Booked(NamedTuple):
