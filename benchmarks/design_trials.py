@@ -29,14 +29,14 @@ from winchcascade.core.files import scratch_folder
 from winchcascade.core.jobs import one_thread_each
 from winchcascade.core.rig_file import Rig, Thresholds
 from winchcascade.core.run import Run, Signal
-from winchcascade.design.design import METRIC, Band, CorrectedRig, Design, design
+from winchcascade.design.design import METRIC, CorrectedRig, Design, design
 from winchcascade.design.operating import PLACE, Motion, planned_cycle
 from winchcascade.design.run_plan import after, determine
 from winchcascade.diagnosis.causes import COVERED
 from winchcascade.diagnosis.contributions import QUANTITIES, quantities_of, windowed
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.planning import CLEAR, listed, options_after, planned
-from winchcascade.diagnosis.posterior import posterior_of_rig, tested_by
+from winchcascade.diagnosis.posterior import Band, posterior_of_rig, tested_by
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.phased_run import find_phases
 from winchcascade.rig.effects.catalogue import EFFECTS

@@ -13,7 +13,7 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.viewed import Viewed
 from winchcascade.design.operating import PLACE, Motion, Path, path_of, planned_cycle, points, require_positive
 from winchcascade.diagnosis.causes import COVERED
-from winchcascade.diagnosis.posterior import RigPosterior, Tested
+from winchcascade.diagnosis.posterior import Band, RigPosterior, Tested
 from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.rig.physics import RPM
 
@@ -64,14 +64,6 @@ LIMITED = {
 
 NO_LIMITS = Limits()
 """Every operating point is allowed."""
-
-
-class Band(msgspec.Struct, frozen=True):
-    """A value with its 95 % interval."""
-
-    value: float
-    low: float
-    high: float
 
 
 class OperatingPoint(msgspec.Struct, frozen=True):

@@ -152,7 +152,7 @@ def simulate(run: Run, model: Model | None = None, *, step: float | None = None)
 def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
     """Simulate the rig along a given motion, at the load and stamps of a log. Raises as `simulate`."""
     _check_model(model)
-    _check_travel(run.name, model, motion)
+    check_travel(run.name, model, motion)
     out, sensors = solve(model, motion, load_of(run)), model.sensors
     now, late = (_between(motion, t, out) for t in (run.t, sensors.late("vdc", run.t)))
     channels = {"displacement": np.interp(run.t, motion.t, motion.x), "velocity": run.channels["velocity"]}
@@ -204,7 +204,7 @@ def _check_model(model: Model) -> None:
             )
 
 
-def _check_travel(name: str, model: Model, motion: LineMotion) -> None:
+def check_travel(name: str, model: Model, motion: LineMotion) -> None:
     """Reject a motion that leaves the gas no volume, or the rope no radius on the drum: LogError."""
     gas, low, high = model.restoring, float(np.min(motion.x)), float(np.max(motion.x))
     push = gas.area * gas.lead / model.r_motion

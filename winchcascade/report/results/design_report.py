@@ -6,8 +6,9 @@ import math
 from typing import Any
 
 from winchcascade.core.version import __version__
-from winchcascade.design.design import LIMITED, Band, Design, OperatingPoint, Repair, Scheduled
+from winchcascade.design.design import LIMITED, Design, OperatingPoint, Repair, Scheduled
 from winchcascade.diagnosis.causes import COVERED
+from winchcascade.diagnosis.posterior import Band
 from winchcascade.report.content import (
     Cell,
     Column,
