@@ -108,7 +108,6 @@ class RigPosterior(msgspec.Struct, frozen=True):
         """The corrected rig, then the same moved along each of `directions`."""
         return [self.model(self.best, without), *(self.model(self.best + way, without) for way in self.directions())]
 
-
     def draws(self, count: int, seed: int) -> list[Model]:
         """Corrected rigs drawn from the posterior: of its `members` by their weights, of their numbers and fields, and of how
         much each effect does by its law.
@@ -125,7 +124,9 @@ class RigPosterior(msgspec.Struct, frozen=True):
         drawn = found = self.model(at)
         for one in self.effects:
             if one.effect.entry is None:
-                found = stretched(found, (self.model(at, one.effect.name), drawn), max(LAW, one.effect.law_u) * rng.standard_normal())
+                found = stretched(
+                    found, (self.model(at, one.effect.name), drawn), max(LAW, one.effect.law_u) * rng.standard_normal()
+                )
         return possible(found)
 
 

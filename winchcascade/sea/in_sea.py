@@ -82,12 +82,15 @@ def scheduled(rows: Sequence[tuple[float, float, float]], place: str) -> Control
 def load_at(omega: float, speeds: Signal, loads: Signal) -> float:
     """Load at a speed of the fast shaft, by straight lines between some speeds, (k,) [rad/s]. [ohm]"""
     last = len(speeds) - 1
+    found: float = loads[last]
     if omega <= speeds[0] or last == 0:
-        return loads[0]
+        found = loads[0]
+        return found
     for k in range(last):
         if omega < speeds[k + 1]:
-            return loads[k] + (loads[k + 1] - loads[k]) * (omega - speeds[k]) / (speeds[k + 1] - speeds[k])
-    return loads[last]
+            found = loads[k] + (loads[k + 1] - loads[k]) * (omega - speeds[k]) / (speeds[k + 1] - speeds[k])
+            return found
+    return found
 
 
 @njit_loop(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
@@ -173,8 +176,9 @@ def run(model: Model, path: SeaPath, control: Control, out: Signal = NO_ROWS) ->
 
 def losses(model: Model, path: SeaPath, out: Signal) -> dict[str, float]:
     """Mean power by each of `LOST` of a solution along a motion in waves. [W]"""
-    counted = slice(path.first, None)
-    motion = LineMotion(*(x[counted] for x in path.motion[:4]), path.motion.step, path.motion.rest)
+    counted, whole = slice(path.first, None), path.motion
+    t, x, v, a = (signal[counted] for signal in (whole.t, whole.x, whole.v, whole.a))
+    motion = LineMotion(t, x, v, a, whole.step, whole.rest)
     booked = energies(model, motion, math.inf, out[counted])
     takes = float(motion.t[-1] - motion.t[0])
     return {name: float(booked[name][-1]) / takes for name in LOST}

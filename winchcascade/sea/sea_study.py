@@ -37,8 +37,8 @@ CANDIDATES = 15
 WIDER = 3.0
 """Factor by which loads beyond those of the logs are tried, too. [1]"""
 
-SHORT = 5
-"""Part of a sea over which loads are tried: the best of them changes little with its length. [1]"""
+SEARCHED = 100.0
+"""Length in peak periods of the sea over which the load of all seas is searched. [1]"""
 
 SAMPLED = 20_000
 """Number of instants of a sea that are compared with what the logs cover."""
@@ -182,7 +182,7 @@ def sea_study(
     paths = [_path_or_reason(rig, seas, k) for k in numbers] if math.isnan(load) or compare else []
     searched = [math.nan] * len(numbers)
     if paths:
-        load, searched = _searched(rig, seas, paths, load)
+        load, searched = _searched(rig, seas, paths, load, math.inf if compare else SEARCHED)
     controls = {"fixed": fixed(load)} | ({} if schedule is None else {"schedule": schedule})
     jobs = [
         partial(_in_sea, rig, seas, k, controls | ({"best": fixed(best)} if compare and math.isfinite(best) else {}))
@@ -240,14 +240,23 @@ def _path_or_reason(rig: Rig, seas: Seas, k: int) -> SeaPath | str:
         return str(fault)
 
 
-def _searched(rig: Rig, seas: Seas, paths: Sequence[SeaPath | str], load: float) -> tuple[float, list[float]]:
-    """The load that is best for all seas, unless one is given, and the best of each [ohm], NaN where there is none."""
+def _searched(
+    rig: Rig, seas: Seas, paths: Sequence[SeaPath | str], load: float, periods: float
+) -> tuple[float, list[float]]:
+    """The load that is best for all seas, unless one is given, and the best of each [ohm], NaN where there is none.
+
+    Parameters
+    ----------
+    periods : length of the search in each sea, in peak periods [1]
+    """
     loads = rig.tested.loads
     if not loads:
         raise OptionError(f"{rig.tested.title}: no run has a load; name one by --load OHM.")
     tried = np.geomspace(min(loads) / WIDER, max(loads) * WIDER, CANDIDATES)
     known = [k for k, path in enumerate(paths) if isinstance(path, SeaPath)]
-    power = np.array(all_at_once([partial(_powers, rig.models[0], paths[k], tried) for k in known]))
+    takes = [periods * seas.at_rig(k)[0].tp for k in known]
+    jobs = [partial(_powers, rig.models[0], paths[k], tried, own) for k, own in zip(known, takes, strict=True)]
+    power = np.array(all_at_once(jobs))
     best = [math.nan] * len(paths)
     for k, own in zip(known, power, strict=True):
         best[k] = largest_at(tried, own)
@@ -257,9 +266,9 @@ def _searched(rig: Rig, seas: Seas, paths: Sequence[SeaPath | str], load: float)
     return load, best
 
 
-def _powers(model: Model, path: Any, loads: Signal) -> Signal:
-    """Mean power at the DC link over a part of a sea at some fixed loads, (k,). [W]"""
-    end = path.first + (path.direction.size - path.first) // SHORT
+def _powers(model: Model, path: Any, loads: Signal, takes: float) -> Signal:
+    """Mean power at the DC link over so much time of a sea [s] at some fixed loads, (k,). [W]"""
+    end = path.first + int(min(takes / path.motion.step, path.direction.size - path.first))
     motion = path.motion._replace(**{name: getattr(path.motion, name)[:end] for name in ("t", "x", "v", "a")})
     part = SeaPath(motion, path.direction[:end], path.first)
     return np.array([run(model, part, fixed(load))[PLACE["p_gen_w"]] for load in loads.tolist()])
@@ -286,10 +295,7 @@ def _in_sea(rig: Rig, seas: Seas, k: int, controls: Mapping[str, Control]) -> tu
     out = np.empty((path.motion.v.size, len(COLUMNS)))
     found = {
         name: np.array(
-            [
-                run(model, path, control, out if name == "fixed" and model is best else NO_ROWS)
-                for model in rig.models
-            ]
+            [run(model, path, control, out if name == "fixed" and model is best else NO_ROWS) for model in rig.models]
         )
         for name, control in controls.items()
     }
@@ -322,5 +328,7 @@ def outside_of(tested: Tested, path: SeaPath, out: Signal) -> float:
     pays = v > path.motion.rest
     idc, force = (out[some, COLUMNS.index(name)] for name in ("idc", "force"))
     slack = NEAR * tested.length
-    covered = tested.covers(v, idc, force) & (x >= -slack) & (x <= tested.length + slack)
+    covered = np.logical_and(
+        tested.covers(v, idc, force), np.abs(x - 0.5 * tested.length) <= 0.5 * tested.length + slack
+    )
     return float(np.mean(~covered[pays])) if pays.any() else 0.0
