@@ -81,15 +81,12 @@ def scheduled(rows: Sequence[tuple[float, float, float]], place: str) -> Control
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH)
 def load_at(omega: float, speeds: Signal, loads: Signal) -> float:
     """Load at a speed of the fast shaft, by straight lines between some speeds, (k,) [rad/s]. [ohm]"""
-    last = len(speeds) - 1
-    found: float = loads[last]
-    if omega <= speeds[0] or last == 0:
-        found = loads[0]
-        return found
-    for k in range(last):
-        if omega < speeds[k + 1]:
-            found = loads[k] + (loads[k + 1] - loads[k]) * (omega - speeds[k]) / (speeds[k + 1] - speeds[k])
-            return found
+    last = k = len(speeds) - 1
+    while k > 0 and omega < speeds[k]:
+        k -= 1
+    found: float = loads[k]
+    if k < last and omega > speeds[k]:
+        found += (loads[k + 1] - found) * (omega - speeds[k]) / (speeds[k + 1] - speeds[k])
     return found
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
 from winchcascade.core.version import __version__
@@ -208,21 +209,26 @@ def _power_table(found: SeaStudy) -> Any:
 def _losses_table(found: SeaStudy) -> Any:
     """Mean power by each loss."""
     rows = _known(found)
-    columns = list(SEA)
-    for name in (name for name in rows[0].lost if any(row.lost[name] != 0.0 for row in rows)):
-        columns.append(Column(LEDGER[name].group, lambda row, name=name: row.lost[name], "W", own_digits=True))  # type: ignore[misc]
-    return table("losses", "Mean power that is lost in each part.", columns, rows, brief=False)
+    named = [name for name in rows[0].lost if any(row.lost[name] != 0.0 for row in rows)]
+    parts = [Column[InSea](LEDGER[name].group, partial(_lost, name), "W", own_digits=True) for name in named]
+    return table("losses", "Mean power that is lost in each part.", [*SEA, *parts], rows, brief=False)
+
+
+def _lost(name: str, row: InSea) -> Cell:
+    return row.lost[name]
 
 
 def _gains_table(found: SeaStudy) -> Any:
     """Gains of one way to choose the load over another."""
     rows = [row for row in found.rows if row.gain]
-    columns = [*SEA, Column("best load", lambda row: row.best_load, "ohm", own_digits=True)]
-    for name in rows[0].gain:
-        head = name.replace("_", " ")
-        columns.append(Column(head, lambda row, name=name: _span(row.gain[name], 100.0), "%", own_digits=True))  # type: ignore[misc]
+    best = Column[InSea]("best load", lambda row: row.best_load, "ohm", own_digits=True)
+    gains = [Column[InSea](name.replace("_", " "), partial(_gain, name), "%", own_digits=True) for name in rows[0].gain]
     caption = "Gain of mean power, 95 % intervals: best is the best fixed load of the sea, fixed the load of all seas."
-    return table("gains", caption, columns, rows)
+    return table("gains", caption, [*SEA, best, *gains], rows)
+
+
+def _gain(name: str, row: InSea) -> Cell:
+    return _span(row.gain[name], 100.0)
 
 
 def _peaks_table(found: SeaStudy) -> Any:
