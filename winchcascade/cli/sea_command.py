@@ -72,7 +72,8 @@ def sea_command(
     from winchcascade.core.files import write_content
     from winchcascade.report.results.sea_report import sea_csv, sea_record, sea_report
     from winchcascade.report.screen import status_line
-    from winchcascade.sea.line_motion import FOLLOWER, read_response
+    from winchcascade.sea.hydrodynamics import read_float
+    from winchcascade.sea.line_motion import FOLLOWER
     from winchcascade.sea.sea_study import BINS, sea_study
 
     outputs.check([source, scatter, float_, rig])
@@ -89,7 +90,7 @@ def sea_command(
         tested.judgement.check(f"{source}", force=outputs.force)
         on_progress("stepping through the seas")
         found = sea_study(
-            posterior, tested, seas, body=FOLLOWER if float_ is None else read_response(float_),
+            posterior, tested, seas, body=FOLLOWER if float_ is None else read_float(float_),
             moved_by="the surface" if float_ is None else float_.name, load=load, compare=compare,
             schedule=_schedule(posterior, tested) if compare else None,
             limits={name: limit for name, limit in limits.items() if limit is not None}, payout=payout, draws=draws,

@@ -100,6 +100,12 @@ class SeaPath(NamedTuple):
     direction: Signal
     first: int
 
+    def until(self, seconds: float) -> SeaPath:
+        """The part up to some time after the first step that counts, or all where it is shorter. [s]"""
+        whole, end = self.motion, self.first + int(min(seconds / self.motion.step, self.direction.size - self.first))
+        motion = LineMotion(whole.t[:end], whole.x[:end], whole.v[:end], whole.a[:end], whole.step, whole.rest)
+        return SeaPath(motion, self.direction[:end], self.first)
+
 
 def scale_of_motion(waves: Waves, heave: ComplexSignal) -> MotionScale:
     """Scales of the motion of a line whose heave has some complex amplitudes, (k,) [m]."""
@@ -118,17 +124,18 @@ def steps_of(model: Model, waves: Waves, scale: MotionScale) -> int:
     return int(next_fast_len(math.ceil(waves.duration / step), real=True))
 
 
-def path_in_waves(model: Model, waves: Waves, body: FloatResponse, tp: float, payout: float) -> SeaPath:
+def path_in_waves(model: Model, waves: Waves, body: FloatResponse, tp: float, payout: float, count: int = 0) -> SeaPath:
     """The motion of a line that follows the surface or a float of known response, from rest at steps that resolve a model.
 
     Parameters
     ----------
     tp : peak period of the waves [s]
     payout : of the line in still water [m]
+    count : number of steps of the duration; 0 for one that resolves model and motion
     """
     heave, omega = body.at(waves), 2.0 * math.pi * waves.frequency
     scale = scale_of_motion(waves, heave)
-    count = steps_of(model, waves, scale)
+    count = count or steps_of(model, waves, scale)
     lead = min(count, math.ceil(LEAD_IN * tp / waves.duration * count))
     x, v, a = (
         np.concatenate([whole[count - lead :], whole])

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -18,7 +18,9 @@ from winchcascade.diagnosis.posterior import NEAR, Band, RigPosterior, Tested
 from winchcascade.rig.kernel import COLUMNS
 from winchcascade.rig.parts import Model
 from winchcascade.rig.simulate import check_travel
-from winchcascade.sea.in_sea import NO_ROWS, PEAKS, PLACE, QUANTITIES, Control, fixed, losses, run
+from winchcascade.sea.coupled import float_in_waves
+from winchcascade.sea.hydrodynamics import Hydrodynamics
+from winchcascade.sea.in_sea import PEAKS, PLACE, QUANTITIES, Control, fixed, losses, run
 from winchcascade.sea.line_motion import FOLLOWER, FloatResponse, SeaPath, path_in_waves
 from winchcascade.sea.waves import SeaState, realised
 
@@ -49,8 +51,9 @@ ENDS = (0.025, 0.975)
 FROUDE = {"W": 3.5, "N": 3.0, "rpm": -0.5, "N.m": 4.0}
 """Powers of the scale by which quantities are scaled (Froude's law); electrical ones stay those of the rig. [1]"""
 
-PathOf = Callable[[Model, Control], SeaPath]
-"""Motion of the line with a model at a control."""
+
+Body = FloatResponse | Hydrodynamics
+"""What moves the line: the surface or a float of known response, or a float that the rig pulls."""
 
 
 class Seas(msgspec.Struct, frozen=True):
@@ -140,10 +143,6 @@ class Rig(NamedTuple):
     payout: float
 
 
-Body = FloatResponse
-"""What moves the line."""
-
-
 def sea_study(
     posterior: RigPosterior,
     tested: Tested,
@@ -179,10 +178,9 @@ def sea_study(
     models = [posterior.model(), *posterior.draws(draws, seas.seed)]
     rig = Rig(models, tested, body, limits, 0.5 * tested.length if math.isnan(payout) else payout)
     numbers = range(len(seas.states))
-    paths = [_path_or_reason(rig, seas, k) for k in numbers] if math.isnan(load) or compare else []
     searched = [math.nan] * len(numbers)
-    if paths:
-        load, searched = _searched(rig, seas, paths, load, math.inf if compare else SEARCHED)
+    if math.isnan(load) or compare:
+        load, searched = _searched(rig, seas, load, math.inf if compare else SEARCHED)
     controls = {"fixed": fixed(load)} | ({} if schedule is None else {"schedule": schedule})
     jobs = [
         partial(_in_sea, rig, seas, k, controls | ({"best": fixed(best)} if compare and math.isfinite(best) else {}))
@@ -223,55 +221,61 @@ def band_of(values: Signal) -> Band:
     return Band(float(values[0]), *np.quantile(values[1:], ENDS, method="weibull").tolist())
 
 
-def _path(rig: Rig, seas: Seas, k: int, model: Model) -> SeaPath:
-    """The motion of the line in a sea; LogError where the rig has no room for it."""
-    sea, duration = seas.at_rig(k)
-    waves = realised(sea, duration, seas.seed + k)
-    path = path_in_waves(model, waves, rig.body, sea.tp, rig.payout)
-    check_travel(f"{sea.hs:g} m, {sea.tp:g} s", model, path.motion)
-    return path
+PathOf = Callable[[Model, Control], SeaPath]
+"""The motion of the line with a model at a control; LogError where the rig has no room for it."""
 
 
-def _path_or_reason(rig: Rig, seas: Seas, k: int) -> SeaPath | str:
-    """The motion of the line in a sea, or why there is none."""
-    try:
-        return _path(rig, seas, k, rig.models[0])
-    except LogError as fault:
-        return str(fault)
+def _moved(rig: Rig, seas: Seas, k: int) -> PathOf:
+    """How a sea moves the line: alike with every model, unless the rig pulls at the float."""
+    (sea, duration), body = seas.at_rig(k), rig.body
+    waves, name = realised(sea, duration, seas.seed + k), f"{sea.hs:g} m, {sea.tp:g} s"
+    if isinstance(body, Hydrodynamics):
+
+        def pulled(model: Model, control: Control) -> SeaPath:
+            own, _ = float_in_waves(model, waves, body, sea.tp, rig.payout, control)
+            check_travel(name, model, own.motion)
+            return own
+
+        return pulled
+    path = path_in_waves(rig.models[0], waves, body, sea.tp, rig.payout)
+
+    def given(model: Model, _: Control) -> SeaPath:
+        check_travel(name, model, path.motion)
+        return path
+
+    return given
 
 
-def _searched(
-    rig: Rig, seas: Seas, paths: Sequence[SeaPath | str], load: float, periods: float
-) -> tuple[float, list[float]]:
+def _searched(rig: Rig, seas: Seas, load: float, periods: float) -> tuple[float, list[float]]:
     """The load that is best for all seas, unless one is given, and the best of each [ohm], NaN where there is none.
 
     Parameters
     ----------
     periods : length of the search in each sea, in peak periods [1]
     """
-    loads = rig.tested.loads
+    loads, numbers = rig.tested.loads, range(len(seas.states))
     if not loads:
         raise OptionError(f"{rig.tested.title}: no run has a load; name one by --load OHM.")
     tried = np.geomspace(min(loads) / WIDER, max(loads) * WIDER, CANDIDATES)
-    known = [k for k, path in enumerate(paths) if isinstance(path, SeaPath)]
-    takes = [periods * seas.at_rig(k)[0].tp for k in known]
-    jobs = [partial(_powers, rig.models[0], paths[k], tried, own) for k, own in zip(known, takes, strict=True)]
-    power = np.array(all_at_once(jobs))
-    best = [math.nan] * len(paths)
-    for k, own in zip(known, power, strict=True):
-        best[k] = largest_at(tried, own)
-    if math.isnan(load) and known:
-        hours = np.array([seas.hours[k] if seas.yearly else 1.0 for k in known])
-        load = largest_at(tried, hours @ power)
+    power = np.array(all_at_once([partial(_powers, rig, seas, k, tried, periods) for k in numbers]))
+    known = np.isfinite(power[:, 0])
+    best = [largest_at(tried, own) if math.isfinite(own[0]) else math.nan for own in power]
+    if math.isnan(load) and known.any():
+        hours = np.array(seas.hours) if seas.yearly else np.ones(len(numbers))
+        load = largest_at(tried, hours[known] @ power[known])
     return load, best
 
 
-def _powers(model: Model, path: Any, loads: Signal, takes: float) -> Signal:
-    """Mean power at the DC link over so much time of a sea [s] at some fixed loads, (k,). [W]"""
-    end = path.first + int(min(takes / path.motion.step, path.direction.size - path.first))
-    motion = path.motion._replace(**{name: getattr(path.motion, name)[:end] for name in ("t", "x", "v", "a")})
-    part = SeaPath(motion, path.direction[:end], path.first)
-    return np.array([run(model, part, fixed(load))[PLACE["p_gen_w"]] for load in loads.tolist()])
+def _powers(rig: Rig, seas: Seas, k: int, loads: Signal, periods: float) -> Signal:
+    """Mean power at the DC link over the first part of a sea at some fixed loads, (k,); NaN where there is none. [W]"""
+    path_of, model, found = _moved(rig, seas, k), rig.models[0], np.full(loads.size, math.nan)
+    for j, control in enumerate(map(fixed, loads.tolist())):
+        try:
+            path = path_of(model, control)
+        except LogError:
+            return np.full(loads.size, math.nan)
+        found[j] = run(model, path.until(periods * seas.at_rig(k)[0].tp), control)[PLACE["p_gen_w"]]
+    return found
 
 
 def largest_at(loads: Signal, values: Signal) -> float:
@@ -289,16 +293,15 @@ def _in_sea(rig: Rig, seas: Seas, k: int, controls: Mapping[str, Control]) -> tu
     """A sea, and the mean power at the DC link with the best model and each drawn one, (1 + draws,) in full scale [W]."""
     state, best = seas.states[k], rig.models[0]
     row = InSea(state.hs, state.tp, seas.hours[k])
-    path = _path_or_reason(rig, seas, k)
-    if isinstance(path, str):
-        return msgspec.structs.replace(row, reason=path), np.zeros(len(rig.models))
-    out = np.empty((path.motion.v.size, len(COLUMNS)))
-    found = {
-        name: np.array(
-            [run(model, path, control, out if name == "fixed" and model is best else NO_ROWS) for model in rig.models]
-        )
-        for name, control in controls.items()
-    }
+    path_of, found, fixed_at = _moved(rig, seas, k), dict[str, Signal](), controls["fixed"]
+    try:
+        path = path_of(best, fixed_at)
+        out = np.empty((path.motion.v.size, len(COLUMNS)))
+        run(best, path, fixed_at, out)
+        for name, control in controls.items():
+            found[name] = np.array([run(model, path_of(model, control), control) for model in rig.models])
+    except LogError as fault:
+        return msgspec.structs.replace(row, reason=str(fault)), np.zeros(len(rig.models))
     scale = np.array([seas.froude ** FROUDE.get(unit, 0.0) for unit in QUANTITIES.values()])
     power = {name: seas.froude ** FROUDE["W"] * values[:, PLACE["p_gen_w"]] for name, values in found.items()}
     main = found["fixed"]
