@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from winchcascade.core.rig_toml import built_in
-from winchcascade.core.run import Signal
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import COLUMNS
 from winchcascade.rig.parts import Model, RestoringModel, with_part
@@ -15,7 +14,7 @@ from winchcascade.sea.coupled import POWERS, float_in_waves
 from winchcascade.sea.hydrodynamics import Hydrodynamics
 from winchcascade.sea.in_sea import PLACE, fixed, losses, run, scheduled
 from winchcascade.sea.line_motion import FOLLOWER, FloatResponse, path_in_waves
-from winchcascade.sea.waves import PIERSON_MOSKOWITZ, SeaState, Waves, realised
+from winchcascade.sea.wave_spectra import PIERSON_MOSKOWITZ, ComplexSignal, SeaState, Waves, realised
 
 SEA, MINUTES_2 = SeaState(0.8, 4.0), 120.0
 SIZES = {"paper": 1.0, "small": 0.1, "large": 6.0}
@@ -68,7 +67,7 @@ def cylinder() -> Hydrodynamics:
     return Hydrodynamics(omega, added, damping, excitation, 1200.0, 6600.0)
 
 
-def own_response(body: Hydrodynamics, waves: Waves, brake: float) -> Signal:
+def own_response(body: Hydrodynamics, waves: Waves, brake: float) -> ComplexSignal:
     """Complex heave of a float with a linear brake, in the frequency domain. [m]"""
     omega = 2.0 * math.pi * waves.frequency
     added, damping = (np.interp(omega, body.omega, x) for x in (body.added, body.damping))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from winchcascade.core.errors import OptionError
 from winchcascade.sea.sea_study import BINS, Seas
-from winchcascade.sea.waves import SeaState
+from winchcascade.sea.wave_spectra import SeaState
 
 SCATTER = ("hs_m", "tp_s", "hours_per_year")
 """Columns of a scatter table: significant wave height [m], peak period [s], hours in a year [h]."""

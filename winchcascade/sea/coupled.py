@@ -18,7 +18,7 @@ from winchcascade.rig.state import Constants, GasState, ShaftState, constants, s
 from winchcascade.sea.hydrodynamics import Hydrodynamics
 from winchcascade.sea.in_sea import Control, knots_of, load_at
 from winchcascade.sea.line_motion import LEAD_IN, SeaPath, scale_of_motion, steps_of
-from winchcascade.sea.waves import Waves
+from winchcascade.sea.wave_spectra import Waves
 
 POWERS = ("v", "z", "waves", "radiated", "rig", "stored")
 """Output of `run_coupled` at the end of each step: velocity [m/s] and heave [m]; half-way power that the waves give, that is

@@ -13,7 +13,7 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.extras import require
 from winchcascade.core.run import Signal
 from winchcascade.sea.line_motion import FloatResponse, read_response
-from winchcascade.sea.waves import ComplexSignal
+from winchcascade.sea.wave_spectra import ComplexSignal
 
 HEAVE = 2
 """Number of heave among the six motions of a body."""

@@ -15,7 +15,7 @@ from winchcascade.rig import physics
 from winchcascade.rig.kernel import LineMotion
 from winchcascade.rig.parts import Model
 from winchcascade.rig.steps import COARSE, rate_of_the_rotor, resolving
-from winchcascade.sea.waves import ComplexSignal, Waves
+from winchcascade.sea.wave_spectra import ComplexSignal, Waves
 
 RESPONSE = ("frequency_hz", "amplitude", "phase_deg")
 """Columns of the response of a float: frequency [Hz], heave over wave amplitude [1], and by how much heave leads [deg]."""

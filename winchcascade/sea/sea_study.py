@@ -22,7 +22,7 @@ from winchcascade.sea.coupled import float_in_waves
 from winchcascade.sea.hydrodynamics import Hydrodynamics
 from winchcascade.sea.in_sea import PEAKS, PLACE, QUANTITIES, Control, fixed, losses, run
 from winchcascade.sea.line_motion import FOLLOWER, FloatResponse, SeaPath, path_in_waves
-from winchcascade.sea.waves import SeaState, realised
+from winchcascade.sea.wave_spectra import SeaState, realised
 
 MINUTES, DRAWS = 20.0, 40
 """Length of each sea [min], as IEC TS 62600-100 has its records, and number of rigs drawn from the posterior."""

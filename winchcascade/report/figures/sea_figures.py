@@ -26,6 +26,12 @@ COVERED = 0.05
 COMPARED = ("best_over_fixed", "schedule_over_fixed", "schedule_over_best")
 """Comparisons of loads, in the order in which they are drawn."""
 
+SMALL = 0.005
+"""Share of the net power of the line up to which a loss is in the table alone. [1]"""
+
+LOSSES = ("mech", "load4", "load1", "extra", "load6", "load3", "line", "soft", "load2", "load5")
+"""Colours of the losses."""
+
 MAX_LABELS = 12
 """Number of seas up to which each is named below its axis."""
 
@@ -49,7 +55,7 @@ def _matrix(rows: Sequence[InSea]) -> Figure:
     """Mean power over period and height, hatched where the logs do not cover it."""
     heights, periods = (sorted({getattr(row, name) for row in rows}) for name in ("hs", "tp"))
     power = np.full((len(heights), len(periods)), math.nan)
-    figure, (axes,) = panel_figure(0.9 + 0.26 * len(heights))
+    figure, (axes,) = panel_figure(1.1 + 0.36 * len(heights))
     size = 7.0 if len(periods) <= MAX_LABELS else 5.0
     for row in rows:
         power[heights.index(row.hs), periods.index(row.tp)] = row.values["p_gen_w"].value
@@ -89,10 +95,10 @@ def losses_figure(found: SeaStudy) -> Figure:
     figure, (axes,) = panel_figure(2.6)
     shares = {"gen": [row.values["p_gen_w"].value / row.values["p_line_w"].value for row in rows]}
     shares |= {name: [row.lost[name] / row.values["p_line_w"].value for row in rows] for name in rows[0].lost}
-    drawn = {name: np.array(own) for name, own in shares.items() if max(own) > 1e-3}
+    drawn = {name: np.array(own) for name, own in shares.items() if max(own) > SMALL}
     base, entries = np.zeros(len(rows)), []
     for k, (name, own) in enumerate(drawn.items()):
-        colour = "gen" if k == 0 else load_style(k - 1)[0]
+        colour = ("gen", *LOSSES)[k % (1 + len(LOSSES))]
         axes.bar(range(len(rows)), 100.0 * own, 0.8, bottom=base, color=COLOURS[colour], alpha=1.0 if k else 0.6)
         base = base + 100.0 * own
         entries.append(line_entry("delivered" if k == 0 else LEDGER[name].group, colour, lw=4))

@@ -16,7 +16,7 @@ from winchcascade.report.results.judgement import judgement_banner, judgement_no
 from winchcascade.rig.ledger import LEDGER
 from winchcascade.sea.in_sea import PEAKS
 from winchcascade.sea.sea_study import InSea, SeaStudy
-from winchcascade.sea.waves import PIERSON_MOSKOWITZ
+from winchcascade.sea.wave_spectra import PIERSON_MOSKOWITZ
 
 PEAK_HEADS = {
     "force_n": ("tension", "N"),
