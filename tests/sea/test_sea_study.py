@@ -169,7 +169,9 @@ def test_a_float_is_read_from_what_bemio_and_capytaine_write(tmp_path: Path) -> 
 def test_a_pulled_float_gives_less_than_a_follower(small: RigPosterior, covered: Covered) -> None:
     omega = np.linspace(0.1, 8.0, 80)
     damping = 100.0 * omega * np.exp(-omega)
-    body = Hydrodynamics(omega, 400.0 + 0.0 * omega, damping, 9000.0 * np.exp(-0.1 * omega) + 0j, 900.0, 9000.0)
+    body = Hydrodynamics(
+        omega, 400.0 + 0.0 * omega, damping, (9000.0 * np.exp(-0.1 * omega)).astype(np.complex128), 900.0, 9000.0
+    )
     one = Seas((SeaState(0.4, 6.0),), (1.0,), minutes=1.0)
     pulled = sea_study(small, covered, one, body=body, load=5.0, draws=2).rows[0]
     free = sea_study(small, covered, one, load=5.0, draws=2).rows[0]
