@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from winchcascade.core.rig_toml import built_in
+from winchcascade.design import operating
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import COLUMNS
 from winchcascade.rig.parts import Model, RestoringModel, with_part
@@ -13,7 +14,7 @@ from winchcascade.rig.simulate import solve
 from winchcascade.sea.coupled import POWERS, float_in_waves
 from winchcascade.sea.hydrodynamics import Hydrodynamics
 from winchcascade.sea.in_sea import PLACE, fixed, losses, run, scheduled
-from winchcascade.sea.line_motion import FOLLOWER, FloatResponse, path_in_waves
+from winchcascade.sea.line_motion import FOLLOWER, FloatResponse, SeaPath, path_in_waves
 from winchcascade.sea.wave_spectra import PIERSON_MOSKOWITZ, ComplexSignal, SeaState, Waves, realised
 
 SEA, MINUTES_2 = SeaState(0.8, 4.0), 120.0
@@ -157,3 +158,17 @@ def test_waves_float_and_rig_balance() -> None:
     )
     taken = run(model, path, fixed(20.0))[PLACE["p_line_w"]]
     assert taken == pytest.approx(mean["rig"], rel=5e-3)
+
+
+def test_waves_as_a_motion_give_what_a_design_gives_along_it() -> None:
+    """The energies of a whole motion, and its largest values, are those of `design --motion`."""
+    model, waves = baseline(built_in()).physics, realised(SEA, 40.0, 10)
+    surface = path_in_waves(model, waves, FOLLOWER, SEA.tp, 0.0).motion
+    designed = operating.path_of(operating.Motion(surface.t - surface.t[0], surface.v, 0.5), model)
+    expected = dict(zip(operating.QUANTITIES, operating.point(model, designed, 20.0), strict=True))
+    found = run(model, SeaPath(designed.motion, designed.direction, 0), fixed(20.0))
+    takes = designed.motion.step * designed.motion.t.size
+    for power, energy in (("p_gen_w", "e_gen_j"), ("p_line_w", "e_line_j")):
+        assert found[PLACE[power]] * takes == pytest.approx(expected[energy], rel=1e-9)
+    for name in ("rpm", "i_s_a", "force_n", "torque_nm", "i_dc_rms_a"):
+        assert found[PLACE[name]] == pytest.approx(expected[name], rel=1e-9)
