@@ -31,14 +31,14 @@ from winchcascade.core.files import scratch_folder
 from winchcascade.core.jobs import one_thread_each
 from winchcascade.core.rig_file import Rig, Thresholds
 from winchcascade.core.run import Run, Signal
-from winchcascade.design.design import METRIC, Band, CorrectedRig, Design, design
+from winchcascade.design.design import METRIC, CorrectedRig, Design, design
 from winchcascade.design.operating import PLACE, Motion, planned_cycle
 from winchcascade.design.run_plan import after, determine
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.explain.planned_run import planned
 from winchcascade.diagnosis.explain.planning import CLEAR, listed, options_after
 from winchcascade.diagnosis.explain.windowed import QUANTITIES, quantities_of, windowed
-from winchcascade.diagnosis.handover.posterior import posterior_of_rig, tested_by
+from winchcascade.diagnosis.handover.posterior import Band, posterior_of_rig, tested_by
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.phased_run import find_phases

@@ -18,6 +18,7 @@ PACKAGES = {
     "blind": "trials on an independent twin",
     "comparison": "differences between two sets of results",
     "design": "other loads, speeds and runs",
+    "sea": "the corrected rig in waves",
     "tables": "published tables: check and audit",
     "diagnosis": "why model and measurement differ",
     "rig": "the rig as a model, and its effects",

@@ -199,10 +199,19 @@ def designed(record: Any) -> Source:
     return [f"{_rounded(row['p_gen_w']['value'])} {row['within_domain']} {row['over_limit']}" for row in rows]
 
 
+def at_sea(record: Any) -> Source:
+    """Mean power of each sea."""
+    return {f"{row['hs_m']:g} m, {row['tp_s']:g} s": _rounded(row["p_gen_w"]["value"]) for row in record["rows"]}
+
+
 LOG_FIGURES = f"winchcascade reduce {LOG} --json log.json --figures figures"
 CAMPAIGN_PAGE = "winchcascade batch fixtures/campaign --out results"
 DIAGNOSIS_FIGURES = "winchcascade diagnose fixtures/campaign --json diagnosis.json --figures figures"
 DESIGN_FIGURES = "winchcascade design fixtures/campaign --current-limit 11 --json design.json --figures figures"
+SEA_FIGURES = (
+    "winchcascade sea fixtures/campaign --hs 0.25,0.5,0.75,1 --tp 5,6,7,8,9,10 --load 9 --minutes 5 --json sea.json "
+    "--figures figures"
+)
 BENCH_FIGURES = "winchcascade reduce dyno.csv --rig bench.toml --loss-map dyno_loss.json --figures figures"
 
 WRITTEN = {
@@ -211,6 +220,7 @@ WRITTEN = {
     "map.svg": Written(DIAGNOSIS_FIGURES, "diagnosis.json", diagnosed, "figures/diagnosis_map.svg"),
     "waterfall.svg": Written(DIAGNOSIS_FIGURES, "diagnosis.json", diagnosed, "figures/diagnosis_waterfall.svg"),
     "design.svg": Written(DESIGN_FIGURES, "design.json", designed, "figures/design_map.svg"),
+    "sea.svg": Written(SEA_FIGURES, "sea.json", at_sea, "figures/sea_power.svg"),
     "loss_map.svg": Written(BENCH_FIGURES, "dyno_loss.json", mapped, "figures/dyno_loss-heat.svg"),
 }
 

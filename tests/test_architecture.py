@@ -16,7 +16,7 @@ LAYERS = (
     {"ingest"},
     {"reduction", "rig"},
     {"diagnosis"},
-    {"tables", "comparison", "blind", "design"},
+    {"tables", "comparison", "blind", "design", "sea"},
     {"report"},
     {"batch"},
     {"cli"},

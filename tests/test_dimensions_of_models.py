@@ -5,7 +5,7 @@ from dimensioned import dimensioned
 from winchcascade.rig.parts import PARTS, numbers_of
 
 CONSTANTS = {
-    "rig.kernel.FADED": "the smallest number that a processor computes fast with, far below any that is read",
+    "rig.state.FADED": "the smallest number that a processor computes fast with, far below any that is read",
     "rig.parts.IN_RIG": "radians of a revolution, and gravity, which nature fixes",
     "rig.physics.RPM": "revolutions a minute of a radian a second",
     "design.design.JOULES_PER_KWH": "joules of a kilowatt hour",

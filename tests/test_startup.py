@@ -49,7 +49,9 @@ def test_help_imports_no_arrays() -> None:
 
 
 def test_the_json_of_a_diagnosis_imports_no_figures() -> None:
-    modules = "batch.campaign_diagnosis report.results.diagnosis_record cli.diagnose_command diagnosis.handover.model_export"
+    modules = (
+        "batch.campaign_diagnosis report.results.diagnosis_record cli.diagnose_command diagnosis.handover.model_export"
+    )
     imports = "; ".join(f"import winchcascade.{name}" for name in modules.split())
     code = f"import sys; {imports}; sys.stdout.write(' '.join(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -12,8 +12,8 @@ from winchcascade import read_run, simulate
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.fit.predict import CHANNELS, MAX_KEPT, Course
 from winchcascade.rig.baseline import baseline
-from winchcascade.rig.kernel import Constants, constants
 from winchcascade.rig.parts import PARTS, number_of, numbers_of, with_part
+from winchcascade.rig.state import Constants, constants
 
 RIG = calibrated_rig()
 MODEL = baseline(RIG)

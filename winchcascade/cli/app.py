@@ -29,6 +29,7 @@ _COMMANDS = {
     "calibrate": "model_commands",
     "diagnose": "diagnose_command",
     "design": "design_command",
+    "sea": "sea_command",
     "plan": "design_command",
     "effects": "model_commands",
     "rig": "model_commands",

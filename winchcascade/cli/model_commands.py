@@ -157,9 +157,23 @@ def effects_command(name: str | None = None) -> None:
     present(lambda: effects_report(name), NO_OUTPUTS)
 
 
-@with_options(name=argument("[NAME]", "The built-in rig: hsu2026 (the default) or kitepower.", RIGS))
-def rig_command(name: str | None = None) -> None:
-    """Print a built-in rig file, as a start for your own."""
+@with_options(
+    "export",
+    name=argument(
+        "[NAME]", "The built-in rig, hsu2026 (the default) or kitepower; with --export also a rig file.", RIGS
+    ),
+    export=option("--export", "FILE", "Write the model of the rig as an .fmu for other simulators.", OUTPUTS),
+)
+def rig_command(name: str | None = None, outputs: Outputs = NO_OUTPUTS) -> None:
+    """Print a built-in rig file, as a start for your own, or write the model of a rig for other simulators."""
     from winchcascade.core.rig_toml import DEFAULT_RIG, built_in_text
 
-    show(built_in_text(name or DEFAULT_RIG))
+    path = outputs["export"]
+    if path is None:
+        show(built_in_text(name or DEFAULT_RIG))
+        return
+    from winchcascade.rig.baseline import load_rig
+    from winchcascade.rig.fmu_export import write_rig
+
+    outputs.check([name])
+    write_rig(load_rig(name or DEFAULT_RIG), path, force=outputs.force)

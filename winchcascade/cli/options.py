@@ -171,7 +171,7 @@ OPTIONS: dict[str, Any] = {
     "validation": option(
         "--validation", "FILE", "Write the validation by ASME V&V 20 as a page of its own, as .html or .pdf.", OUTPUTS
     ),
-    "export": option("--export", "FILE", "Write the numbers of the corrected model as .json or .mat.", OUTPUTS),
+    "export": option("--export", "FILE", "Write the corrected model: its numbers as .json or .mat, or an .fmu.", OUTPUTS),
     "junit": option("--junit", "FILE", "Write the result as JUnit XML for a test server.", OUTPUTS),
     "github": option("--github", "", "Also print annotations for GitHub.", OUTPUTS),
     "force": option("--force", "", "Replace existing files, also those that another program wrote.", OUTPUTS),

@@ -4,7 +4,7 @@ from importlib.util import find_spec
 
 from winchcascade.core.errors import OptionError
 
-EXTRAS = {"h5py": "mat73", "distributed": "cluster"}
+EXTRAS = {"h5py": "mat73", "distributed": "cluster", "pythonfmu": "fmu"}
 """The extra that installs each optional package."""
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from winchcascade.core.errors import OptionError
 from winchcascade.core.viewed import Viewed
 from winchcascade.design.operating import PLACE, Motion, Path, path_of, planned_cycle, points, require_positive
-from winchcascade.diagnosis.handover.posterior import RigPosterior, Tested
+from winchcascade.diagnosis.handover.posterior import Band, RigPosterior, Tested
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.rig.physics import RPM
@@ -64,14 +64,6 @@ LIMITED = {
 
 NO_LIMITS = Limits()
 """Every operating point is allowed."""
-
-
-class Band(msgspec.Struct, frozen=True):
-    """A value with its 95 % interval."""
-
-    value: float
-    low: float
-    high: float
 
 
 class OperatingPoint(msgspec.Struct, frozen=True):

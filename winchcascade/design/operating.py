@@ -18,9 +18,10 @@ from winchcascade.core.scales import MotionScale, motion_of_log, motion_of_runs
 from winchcascade.diagnosis.explain.planned_run import PLATEAU, RAMP, REST, cycle_of
 from winchcascade.reduction.phased_run import find_phases
 from winchcascade.rig import physics
-from winchcascade.rig.kernel import LINE, SHAFT, LineMotion, constants, run_line, solve_shaft
+from winchcascade.rig.kernel import LINE, SHAFT, LineMotion, run_line, solve_shaft
 from winchcascade.rig.physics import RPM
 from winchcascade.rig.simulate import even_motion
+from winchcascade.rig.state import constants
 from winchcascade.rig.steps import COARSE, RESOLVED, rate_of_the_rotor, resolving
 
 if TYPE_CHECKING:

@@ -25,6 +25,7 @@ from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.report import frames
 from winchcascade.report.plots import draw, plots_of
 from winchcascade.rig.simulate import Simulation
+from winchcascade.sea.sea_study import SeaStudy
 from winchcascade.tables.audit import Audit
 from winchcascade.tables.check import Check
 
@@ -171,6 +172,13 @@ def _(result: Audit, units: Units) -> Tables:  # noqa: ARG001  # cells are in th
     return _of_record(audit_record(result), "contradictions", "claims", "windows", "column_faults", "laws")
 
 
+@tables_of.register(SeaStudy)
+def _(result: SeaStudy, units: Units) -> Tables:  # noqa: ARG001  # each number has a column of its unit
+    from winchcascade.report.results.sea_report import sea_record
+
+    return _of_record(sea_record(result), "rows")
+
+
 def _of_record(record: Mapping[str, object], *names: str) -> Tables:
     """Lists of a JSON as tables, those that it has."""
     return {name: partial(frames.record_frame, record[name]) for name in names if name in record}
@@ -225,7 +233,8 @@ def _(result: Calibration) -> tuple[str, content.Table[Any] | None]:
 
 @summary_of.register(Audit)
 @summary_of.register(Check)
-def _(result: Audit | Check) -> tuple[str, content.Table[Any] | None]:
+@summary_of.register(SeaStudy)
+def _(result: Audit | Check | SeaStudy) -> tuple[str, content.Table[Any] | None]:
     return _first_table(result, report_of(result))
 
 
@@ -275,6 +284,7 @@ for _kind, _name in {
     Comparison: "comparison:comparison_report",
     DiagnosisResult: "diagnosis:diagnosis_report",
     Reduction: "drawn_reduction:drawn_report",
+    SeaStudy: "sea_report:sea_report",
     Simulation: "simulation:simulation_report",
 }.items():
     report_of.register(_kind, _late(_name))

@@ -6,9 +6,10 @@ import numpy as np
 
 from winchcascade.core.run import Signal
 from winchcascade.rig import physics
-from winchcascade.rig.kernel import COLUMNS, LineMotion, constants
+from winchcascade.rig.kernel import COLUMNS, LineMotion
 from winchcascade.rig.parts import Model
 from winchcascade.rig.physics import ELECTRICAL_LOSSES, SHAFT_LOSSES
+from winchcascade.rig.state import constants
 
 
 class Booked(NamedTuple):
@@ -52,6 +53,23 @@ def energies(model: Model, motion: LineMotion, load: float, out: Signal) -> dict
     The energy of the line is that of the true line speed, which layers of rope change; the other entries add up to it. While a
     rope is slack, it is that of what turns the drum.
     """
+    c, got = constants(model, load, motion.rest), dict(zip(COLUMNS, out.T, strict=True))
+    omega_drum, omega, shaft = motion.v / c.r_motion, got["omega_gen"], model.drivetrain
+    watts = rates(model, motion, load, out)
+    stores = {
+        "drum": (model.winch.inertia, omega_drum),
+        "shaft": (shaft.k_shaft, got["twist"]),
+        "rotor": (shaft.inertia_rotor, omega),
+        "capacitor": (c.shaft.c_dc, got["vdc"]),
+    }
+    booked = {name: integral(watt, motion.step) for name, watt in watts.items()}
+    booked |= {name: 0.5 * number * (state**2 - state[0] ** 2) for name, (number, state) in stores.items()}
+    booked["shaft_loss"] -= booked["shaft"]
+    return {name: booked[name] for name in LEDGER}
+
+
+def rates(model: Model, motion: LineMotion, load: float, out: Signal) -> dict[str, Signal]:
+    """Powers by the entries of `LEDGER` that are no stores, (n,) each [W]; `shaft_loss` includes what the spring stores."""
     c, got, shaft = constants(model, load, motion.rest), dict(zip(COLUMNS, out.T, strict=True)), model.drivetrain
     omega_drum, omega, sign = motion.v / c.r_motion, got["omega_gen"], physics.direction(motion.v, motion.rest)
     slow = physics.near_rest(motion.v, sign, model.winch)
@@ -61,7 +79,7 @@ def energies(model: Model, motion: LineMotion, load: float, out: Signal) -> dict
     seal = physics.seal_torque(sign, slow, model.restoring)
     fast = physics.shaft_losses(omega, physics.direction(omega, c.shaft.turn), c.shaft.turn, shaft)
     electrical = physics.electrical_losses(got["i_bridge"], got["i_s"], model.generator)
-    watts = {
+    return {
         "line": line,
         "gas": push * omega_drum,
         "pull": physics.pull_torque(motion.x / c.r_motion, motion.a / c.r_motion, model.winch.r_drum, model.restoring)
@@ -78,16 +96,6 @@ def energies(model: Model, motion: LineMotion, load: float, out: Signal) -> dict
         "dc": got["vdc"] ** 2 / c.shaft.load,
         "shaft_loss": driven * (omega_drum - omega / shaft.gear),
     }
-    stores = {
-        "drum": (model.winch.inertia, omega_drum),
-        "shaft": (shaft.k_shaft, got["twist"]),
-        "rotor": (shaft.inertia_rotor, omega),
-        "capacitor": (c.shaft.c_dc, got["vdc"]),
-    }
-    booked = {name: integral(watt, motion.step) for name, watt in watts.items()}
-    booked |= {name: 0.5 * number * (state**2 - state[0] ** 2) for name, (number, state) in stores.items()}
-    booked["shaft_loss"] -= booked["shaft"]
-    return {name: booked[name] for name in LEDGER}
 
 
 def integral(y: Signal, step: float) -> Signal:

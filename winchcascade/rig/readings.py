@@ -7,9 +7,10 @@ import numpy as np
 
 from winchcascade.core.run import Signal
 from winchcascade.rig import physics
-from winchcascade.rig.kernel import LINE, Constants, LineMotion, run_line
+from winchcascade.rig.kernel import LINE, LineMotion, run_line
 from winchcascade.rig.parts import Sensors
 from winchcascade.rig.simulate import READ
+from winchcascade.rig.state import Constants
 
 
 class Path(NamedTuple):

@@ -23,11 +23,12 @@ from winchcascade.core.smooth import local_quadratic
 from winchcascade.core.viewed import Viewed
 from winchcascade.rig import physics
 from winchcascade.rig.baseline import baseline
-from winchcascade.rig.kernel import COLUMNS, LINE, SHAFT, LineMotion, constants, run_line, solve_shaft
+from winchcascade.rig.kernel import COLUMNS, LINE, SHAFT, LineMotion, run_line, solve_shaft
 from winchcascade.rig.ledger import energies, integral
 from winchcascade.rig.line_velocity import line_velocity
 from winchcascade.rig.parts import ELECTRICAL, PARTS, Model, limited, number_of
 from winchcascade.rig.physics import RPM
+from winchcascade.rig.state import constants
 from winchcascade.rig.steps import resolving
 
 

@@ -16,10 +16,11 @@ from winchcascade.core.run import Mask, Run, Signal
 from winchcascade.rig import physics
 from winchcascade.rig.backemf import dc_currents, rpm_min
 from winchcascade.rig.bridge import back_emfs, bridge_table, dc_voltages
-from winchcascade.rig.kernel import LINE, LineMotion, constants, run_line
+from winchcascade.rig.kernel import LINE, LineMotion, run_line
 from winchcascade.rig.parts import Model
 from winchcascade.rig.physics import RPM
 from winchcascade.rig.simulate import load_of
+from winchcascade.rig.state import constants
 
 Stage = Literal["restoring", "transmission", "gearbox", "generator", "load"]
 

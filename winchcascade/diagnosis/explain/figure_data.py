@@ -17,8 +17,8 @@ from winchcascade.diagnosis.fit.block_means import HAUL_IN, PAYOUT
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.judge.causes import posterior_of
 from winchcascade.rig.effects.laws import share_of_k_e
-from winchcascade.rig.kernel import constants
 from winchcascade.rig.parts import ROLLOFF_KNOTS
+from winchcascade.rig.state import constants
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -22,8 +22,8 @@ from winchcascade.diagnosis.fit.block_noise import NOISELESS
 from winchcascade.diagnosis.fit.fitted_log import Log
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.predict import CHANNELS
-from winchcascade.rig.kernel import constants
 from winchcascade.rig.stages import Along, StageOutput, along, outputs_along
+from winchcascade.rig.state import constants
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

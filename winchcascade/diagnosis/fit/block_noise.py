@@ -11,8 +11,8 @@ import numpy as np
 from winchcascade.core.integrate import white_noise
 from winchcascade.diagnosis.fit.block_means import HOLD, PHASES, Blocks, changing, middles, scatter_about_course
 from winchcascade.diagnosis.fit.predict import CHANNELS, Course
-from winchcascade.rig.kernel import constants
 from winchcascade.rig.line_velocity import line_velocity
+from winchcascade.rig.state import constants
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from winchcascade.rig.kernel import SHAFT, Constants, LineMotion, ShaftNumbers, constants, solve_shaft
+from winchcascade.rig.kernel import SHAFT, LineMotion, solve_shaft
 from winchcascade.rig.readings import path_of, readings, recorded
 from winchcascade.rig.simulate import READ, motion_of
+from winchcascade.rig.state import Constants, ShaftNumbers, constants
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

@@ -1,4 +1,4 @@
-"""Write the corrected model of a diagnosis as JSON or as a MATLAB struct, for a model in Simulink or Python."""
+"""Write the corrected model of a diagnosis as JSON, as a MATLAB struct, or as an FMU for other simulators."""
 
 from __future__ import annotations
 
@@ -10,20 +10,24 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.errors import OptionError
+from winchcascade.core.extras import require
 from winchcascade.core.files import json_bytes, write_content
 from winchcascade.core.matlab_file import matlab_bytes
 from winchcascade.core.rig_file import NUMBERS_OF, Restoring, Rig, measures
+from winchcascade.core.scales import motion_of_runs
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
+from winchcascade.diagnosis.handover.posterior import posterior_of_rig
 from winchcascade.diagnosis.handover.rig_text import corrected_rig
 from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.rig.baseline import baseline, stated_effects
+from winchcascade.rig.fmu_export import write_fmu
 from winchcascade.rig.parts import PARTS, ROLLOFF_KNOTS, Model, number_of, numbers_of, path_in_rig, rolloff_curve
 from winchcascade.rig.physics import RPM
 
 MODEL_SCHEMA = "winchcascade/model/1"
 
-FORMATS = (".json", ".mat")
+FORMATS = (".json", ".mat", ".fmu")
 
 CURRENT_STEP = 0.05
 """Distance of the stator currents at which the roll-off is tabulated, over the rated one. [1]"""
@@ -43,6 +47,8 @@ def check_export(path: Path | None) -> None:
     """Reject a name that is of no format: OptionError."""
     if path is not None and path.suffix.casefold() not in FORMATS:
         raise OptionError(f"--export {path}: expected a name that ends in {' or '.join(FORMATS)}.")
+    if path is not None and path.suffix.casefold() == ".fmu":
+        require("pythonfmu", f"--export {path}")
 
 
 def write_export(found: ModelDiagnosis | StageDiagnosis, path: Path, *, force: bool = False) -> None:
@@ -55,9 +61,28 @@ def write_export(found: ModelDiagnosis | StageDiagnosis, path: Path, *, force: b
     """
     if not isinstance(found, ModelDiagnosis):
         raise OptionError(f"--export {path}: no model can be made of rig {found.rig.name}; leave --export out.")
+    if path.suffix.casefold() == ".fmu":
+        _write_unit(found, path, force=force)
+        return
     record = model_record(found)
     content = matlab_bytes("model", record) if path.suffix.casefold() == ".mat" else json_bytes(record)
     write_content(path, content, force=force)
+
+
+def _write_unit(found: ModelDiagnosis, path: Path, *, force: bool) -> None:
+    """Write the corrected rig as an FMU, each number with its uncertainty by the posterior, and the verdict in its words."""
+    best, *moved = posterior_of_rig(found).models()
+    u = {}
+    for number in (f"{part}.{name}" for part in PARTS for name in numbers_of(part)):
+        change = np.array([number_of(one, number) - number_of(best, number) for one in moved])
+        if change.any():
+            u[number] = float(np.linalg.norm(change))
+    judgement = found.judgement
+    known = {"causes": judgement.causes, "candidates": judgement.candidates}
+    named = "".join(f"; {kind}: {', '.join(names)}" for kind, names in known.items() if names)
+    about = f"{found.title}, rig {found.rig.name}, by winchcascade {__version__}: {judgement.verdict}{named}"
+    load = min((log.load for log in found.data.logs if math.isfinite(log.load)), default=best.dc_link.r_bleed)
+    write_fmu(best, path, motion_of_runs(found.runs), load, about, u, force=force)
 
 
 def model_record(found: ModelDiagnosis) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.suspects import freedom, with_values
 from winchcascade.diagnosis.judge.causes import look_alikes_of
 from winchcascade.diagnosis.stages.stage_map import convex_hull
+from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.rig.effects.catalogue import EFFECTS, SHARED_RADIUS
 from winchcascade.rig.effects.effect import ActiveEffect, Parameter
 from winchcascade.rig.effects.run_order import lasting_heat
@@ -36,6 +37,14 @@ OF_THE_RIG = ("rig", "law")
 
 IDLE = 1e-9
 """A direction of the posterior whose variance is below this share of the largest, in squares of the tolerances, is known."""
+
+
+class Band(msgspec.Struct, frozen=True):
+    """A value with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
 
 
 class RigPosterior(msgspec.Struct, frozen=True):
@@ -98,6 +107,43 @@ class RigPosterior(msgspec.Struct, frozen=True):
     def models(self, without: str = "") -> list[Model]:
         """The corrected rig, then the same moved along each of `directions`."""
         return [self.model(self.best, without), *(self.model(self.best + way, without) for way in self.directions())]
+
+    def draws(self, count: int, seed: int) -> list[Model]:
+        """Corrected rigs drawn from the posterior: of its `members` by their weights, of their numbers and fields, and of how
+        much each effect does by its law.
+        """
+        rng, members = np.random.default_rng(seed), self.members
+        ends = np.cumsum([one.weight for one in members])
+        places = np.searchsorted(ends, (np.arange(count) + rng.uniform()) / count * ends[-1])
+        return [members[min(place, len(members) - 1)].draw(rng) for place in rng.permutation(places)]
+
+    def draw(self, rng: np.random.Generator) -> Model:
+        """A rig drawn from this member of the posterior alone."""
+        ways = self.directions()
+        at = self.best + rng.standard_normal(len(ways)) @ ways
+        drawn = found = self.model(at)
+        for one in self.effects:
+            if one.effect.entry is None:
+                found = stretched(
+                    found, (self.model(at, one.effect.name), drawn), max(LAW, one.effect.law_u) * rng.standard_normal()
+                )
+        return possible(found)
+
+
+def stretched(model: Model, change: tuple[Model, Model], share: float) -> Model:
+    """A model whose numbers are moved by a share of the change between two others."""
+    parts = {}
+    for part in PARTS:
+        own, before, after = (getattr(one, part)._asdict() for one in (model, *change))
+        moved = {
+            name: value + share * (np.subtract(after[name], before[name]))
+            for name, value in own.items()
+            if after[name] != before[name]
+        }
+        parts[part] = getattr(model, part)._replace(
+            **{name: tuple(x.tolist()) if np.ndim(x) else float(x) for name, x in moved.items()}
+        )
+    return msgspec.structs.replace(model, **parts)
 
 
 MEMBERS = 4

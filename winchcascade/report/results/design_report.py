@@ -6,7 +6,8 @@ import math
 from typing import Any
 
 from winchcascade.core.version import __version__
-from winchcascade.design.design import LIMITED, Band, Design, OperatingPoint, Repair, Scheduled
+from winchcascade.design.design import LIMITED, Design, OperatingPoint, Repair, Scheduled
+from winchcascade.diagnosis.handover.posterior import Band
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.report.content import (
     Cell,

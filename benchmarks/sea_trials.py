@@ -1,0 +1,132 @@
+"""Put rigs of the independent twin under drawn seas, and print how many bands of `sea` hold beside the bars.
+
+Each case diagnoses a rig with one to three effects on four loads and an open circuit of a crane, draws a sea, and compares mean
+power, efficiency, peaks and the gain of the best fixed load with the twin in the same waves. Results are lines of JSON in OUT;
+a case that is there already is not done again. --score prints the table of what is there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from design_trials import FITTED, OF_SENSORS, Result, Row, diagnosed, interval, without
+from scipy.interpolate import CubicHermiteSpline
+
+from winchcascade.blind.drive import GRID
+from winchcascade.blind.injected import PARTS, draw_hidden
+from winchcascade.blind.twin import Twin, draw_twin, solve_twin
+from winchcascade.core.files import scratch_folder
+from winchcascade.core.jobs import one_thread_each
+from winchcascade.diagnosis.handover.posterior import posterior_of_rig, tested_by
+from winchcascade.sea.line_motion import LEAD_IN
+from winchcascade.sea.sea_study import Seas, sea_study
+from winchcascade.sea.wave_spectra import SeaState, Waves, realised
+
+SEED, CASES = 5151, 40
+
+MINUTES = 2.0
+"""Length of each sea: the twin takes long. [min]"""
+
+PERIODS, SPEEDS = (4.0, 12.0), (0.12, 0.26)
+"""Ranges of peak periods [s], and of the standard deviation of the line velocity [m/s], so that peaks stay in the domain."""
+
+PAID_OUT = 30.0
+"""Time in which the line is paid out before the waves come. [s]"""
+
+INSIDE = 0.05
+"""Share of the time beyond what the logs cover up to which a sea is inside the domain. [1]"""
+
+BARS = {
+    "p_gen_w": "93 to 98 %", "p_line_w": "93 to 98 %", "eta_pto": "93 to 98 %", "peaks": "93 to 98 %", "beyond the domain": "",
+    "gain": "90 %",
+}  # fmt: skip
+
+
+def sea_case(k: int, folder: Path) -> Result:
+    """Diagnose a rig, and compare its sea with the twin."""
+    rng = np.random.default_rng([SEED, k])
+    names = [str(name) for name in rng.choice(sorted(PARTS), 1 + k % 3, replace=False)]
+    twin = draw_twin(draw_hidden(dict.fromkeys(names, 1.0), None, rng), rng)
+    found, _ = diagnosed(twin, rng, FITTED, (), folder)
+    posterior, tested = posterior_of_rig(found), tested_by(found)
+    assert tested is not None
+    tp, load = float(rng.uniform(*PERIODS)), float(np.exp(rng.uniform(*np.log([min(tested.loads), max(tested.loads)]))))
+    unit = realised(SeaState(1.0, tp), 60.0 * MINUTES, k)
+    per_height = float(np.linalg.norm(2.0 * math.pi * unit.frequency * unit.amplitude)) / math.sqrt(2.0)
+    sea = SeaState(float(rng.uniform(*SPEEDS)) / per_height, tp)
+    seas = Seas((sea,), (math.nan,), minutes=MINUTES, seed=k)
+    made = sea_study(posterior, tested, seas, load=load, compare=True)
+    (row,) = made.rows
+    true, best = (in_waves(twin, realised(sea, 60.0 * MINUTES, k), tp, made.payout, at) for at in (load, row.best_load))
+    inside = row.outside <= INSIDE
+    rows = []
+    for name in ("p_gen_w", "p_line_w", "eta_pto", "force_n", "i_dc_rms_a", "vdc_v"):
+        kind = "peaks" if name in ("force_n", "i_dc_rms_a", "vdc_v") else name
+        rows.append(interval(kind if inside else "beyond the domain", true[name], row.values[name], 0.0, name, load))
+    gain = best["p_gen_w"] / true["p_gen_w"] - 1.0
+    rows.append(interval("gain", gain, row.gain["best_over_fixed"], 0.0, row.best_load, load))
+    where = (sea.hs, tp, row.outside)
+    rows = [msgspec.structs.replace(one, where=(*one.where, *where)) for one in rows]
+    return Result("seas", k, names, [cause.effect for cause in found.causes], rows)
+
+
+def in_waves(twin: Twin, waves: Waves, tp: float, payout: float, load: float) -> dict[str, float]:
+    """What a twin gives in some waves at a true load."""
+    count, lead = round(waves.duration / GRID), math.ceil(LEAD_IN * tp / GRID)
+    omega = 2.0 * math.pi * waves.frequency
+    x, v = (waves.sampled((1j * omega) ** k * waves.amplitude, count) for k in range(2))
+    x, v = (np.concatenate([one[count - lead :], one]) for one in (payout + x, v))
+    way = CubicHermiteSpline([0.0, PAID_OUT], [0.0, x[0]], [0.0, v[0]])  # the twin has its precharge where it begins
+    before = np.arange(0.0, PAID_OUT, GRID)
+    x, v, lead = np.append(way(before), x), np.append(way(before, 1), v), lead + before.size
+    at_load = msgspec.structs.replace(without(twin, OF_SENSORS), loads={"here": load})
+    solved = solve_twin(at_load, "here", x, v, 0.0)
+    speed = np.asarray(0.5 * (solved.v[1:] + solved.v[:-1]), dtype=np.float64)[lead:]
+    force, vdc, idc = (solved.channels[name][lead:] for name in ("force", "vdc", "idc"))
+    size = min(speed.size, force.size)
+    rate, electrical = force[:size] * speed[:size], vdc * idc
+    return {
+        "p_line_w": float(rate.mean()),
+        "p_gen_w": float(electrical.mean()),
+        "eta_pto": float(electrical.mean() / np.maximum(rate, 0.0)[speed[:size] > 0.0].sum() * size),
+        "force_n": float(force.max()),
+        "vdc_v": float(vdc.max()),
+        "i_dc_rms_a": float(np.sqrt(np.mean(idc**2))),
+    }
+
+
+def score(results: list[Result]) -> None:
+    """Print what held beside the bars."""
+    for of, bar in BARS.items():
+        rows: list[Row] = [row for one in results for row in one.rows if row.of == of]
+        if rows:
+            share, rms = 100.0 * np.mean([row.holds for row in rows]), np.sqrt(np.mean([row.z**2 for row in rows]))
+            print(f"{of:20} {share:5.1f} % of {len(rows):3}  {bar:10}  rms {rms:.2f}")
+
+
+def main() -> None:
+    """Do the cases that are not done, or print the scores."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--cases", type=int, default=CASES)
+    parser.add_argument("--score", action="store_true")
+    given = parser.parse_args()
+    lines = given.out.read_bytes().splitlines() if given.out.is_file() else []
+    done = [msgspec.json.decode(line, type=Result) for line in lines]
+    if given.score:
+        return score(done)
+    one_thread_each()
+    for k in sorted(set(range(given.cases)) - {one.case for one in done}):
+        with scratch_folder() as folder:
+            found = sea_case(k, folder)
+        with given.out.open("ab") as out:
+            out.write(msgspec.json.encode(found) + b"\n")
+    return None
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,93 @@
+"""The seas of a command: wave heights and periods as given, or the bins of a scatter table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from winchcascade.core.errors import OptionError
+from winchcascade.sea.sea_study import BINS, Seas
+from winchcascade.sea.wave_spectra import SeaState
+
+SCATTER = ("hs_m", "tp_s", "hours_per_year")
+"""Columns of a scatter table: significant wave height [m], peak period [s], hours in a year [h]."""
+
+MAX_SEAS = 1000
+"""Maximum number of seas: so many take an hour."""
+
+
+def seas_of(
+    scatter: Path | None,
+    heights: Sequence[float],
+    periods: Sequence[float],
+    *,
+    gamma: float,
+    bins: Sequence[float] = BINS,
+    froude: float = 1.0,
+    minutes: float,
+    seed: int,
+) -> Seas:
+    """Every height with every period, or the rows of a scatter table, of which those in one bin are put together.
+
+    Parameters
+    ----------
+    bins : widths of the bins of a scatter table, which lie about multiples of them [m, s]
+    froude : scale of the seas over that of the rig [1]
+
+    Raises
+    ------
+    OptionError : neither or both are given, or a number that is none
+    """
+    if (scatter is None) == (not heights or not periods):
+        raise OptionError("sea: expected --hs M and --tp S, or --scatter FILE.")
+    numbers = {"--hs": heights, "--tp": periods, "--bins": bins, "--froude": [froude], "--minutes": [minutes]}
+    for option, given in {**numbers, "--gamma": [gamma]}.items():
+        if not all(0.0 < number < math.inf for number in given):
+            raise OptionError(f"{option} {','.join(f'{x:g}' for x in given)}: expected finite numbers above 0.")
+    if len(bins) != len(BINS):
+        raise OptionError(f"--bins {','.join(f'{x:g}' for x in bins)}: expected a height [m] and a period [s].")
+    found = {(hs, tp): math.nan for hs in heights for tp in periods} if scatter is None else _binned(scatter, bins)
+    if len(found) > MAX_SEAS:
+        raise OptionError(f"sea: {len(found)} seas; expected {MAX_SEAS} at most.")
+    return Seas(
+        tuple(SeaState(hs, tp, gamma) for hs, tp in found),
+        tuple(found.values()),
+        froude=froude,
+        minutes=minutes,
+        seed=seed,
+    )
+
+
+def _binned(path: Path, bins: Sequence[float]) -> dict[tuple[float, float], float]:
+    """Hours by the middles of the bins of a scatter table, in their order."""
+    try:
+        head, *lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, ValueError) as fault:
+        raise OptionError(f"--scatter {path}: cannot be read ({fault}); expected {','.join(SCATTER)}.") from None
+    if tuple(cell.strip() for cell in head.split(",")) != SCATTER:
+        raise OptionError(f"--scatter {path}: begins with {head[:60]!r}; expected {','.join(SCATTER)}.")
+    found: dict[tuple[float, float], float] = {}
+    for number, line in enumerate(lines, 2):
+        if not line.strip():
+            continue
+        try:
+            hs, tp, hours = map(float, line.split(","))
+        except ValueError:
+            hs = tp = hours = -1.0
+        if not (0.0 < hs < math.inf and 0.0 < tp < math.inf and 0.0 <= hours < math.inf):
+            raise OptionError(
+                f"--scatter {path}: line {number} is {line[:60]!r}; expected a height [m] and a period [s] above 0, and hours."
+            )
+        middle = tuple(round(x / width) * width for x, width in zip((hs, tp), bins, strict=True))
+        if not all(middle):
+            raise OptionError(
+                f"--scatter {path}: line {number} lies in a bin about 0; expected seas above half of {bins[0]:g} m and "
+                f"{bins[1]:g} s, so give narrower --bins."
+            )
+        place = round(middle[0], 9), round(middle[1], 9)
+        found[place] = found.get(place, 0.0) + hours
+    known = {place: hours for place, hours in sorted(found.items()) if hours > 0.0}
+    if not known:
+        raise OptionError(f"--scatter {path}: no row with hours below {','.join(SCATTER)}.")
+    return known

@@ -1,0 +1,114 @@
+"""`winchcascade sea`: the rig that a diagnosis leaves under irregular waves."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from winchcascade.cli.design_command import numbers
+from winchcascade.cli.options import EVALUATION, INPUT, OUTPUTS, argument, option, with_options
+from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present
+from winchcascade.core.errors import OptionError
+from winchcascade.core.jobs import one_thread_each, processes, set_threads
+
+if TYPE_CHECKING:
+    from winchcascade.diagnosis.handover.posterior import RigPosterior, Tested
+    from winchcascade.sea.in_sea import Control
+
+
+@with_options(
+    "json",
+    *REPORT,
+    "csv",
+    source=argument("CAMPAIGN|DIAGNOSIS.json", "The campaign, which is diagnosed first, or the JSON of its diagnosis."),
+    hs=option("--hs", "M,...", "Significant wave heights [m]; each is taken with each period.", INPUT),
+    tp=option("--tp", "S,...", "Peak periods [s].", INPUT),
+    scatter=option("--scatter", "FILE", "A table of hs_m, tp_s and hours_per_year instead.", INPUT),
+    float_=option("--float", "FILE", "What moves the line: a response (CSV), or coefficients by Capytaine or BEMIO.", INPUT),
+    gamma=option("--gamma", "X", "Peak enhancement of JONSWAP, 3.3 by default; 1 is Pierson-Moskowitz.", EVALUATION),
+    bins=option("--bins", "M,S", "Bins of a scatter table; 0.5,1 by default.", EVALUATION),
+    froude=option("--froude", "X", "Scale of the seas over that of the rig, by Froude's law; 1 by default.", EVALUATION),
+    minutes=option("--minutes", "MIN", "Length of each sea [min]; 20 by default.", EVALUATION),
+    payout=option("--payout", "M", "Payout in still water [m]; by default half of a usual one of the logs.", EVALUATION),
+    load=option("--load", "OHM", "Load of all seas [ohm]; by default the best one for their energy.", EVALUATION),
+    compare=option("--compare", "", "Compare with the best load of each sea and the schedule of `design`.", EVALUATION),
+    draws=option("--draws", "N", "Draw N rigs for the bands; 40 by default.", EVALUATION, minimum=0),
+    current_limit=option("--current-limit", "A", "Largest stator current, rms [A].", EVALUATION),
+    speed_limit=option("--speed-limit", "RPM", "Largest speed of the generator [rpm].", EVALUATION),
+    tension_limit=option("--tension-limit", "N", "Largest line tension [N].", EVALUATION),
+    csv=option("--csv", "FILE", "Write the mean power of each sea with its band, domain and verdict.", OUTPUTS),
+)  # fmt: skip
+def sea_command(
+    source: Path,
+    hs: str | None = None,
+    tp: str | None = None,
+    scatter: Path | None = None,
+    float_: Path | None = None,
+    rig: str | None = None,
+    gamma: float = 3.3,
+    bins: str | None = None,
+    froude: float = 1.0,
+    minutes: float = 20.0,
+    payout: float = math.nan,
+    load: float = math.nan,
+    compare: bool = False,
+    draws: int = 40,
+    seed: int = 0,
+    current_limit: float | None = None,
+    speed_limit: float | None = None,
+    tension_limit: float | None = None,
+    threads: int | None = None,
+    outputs: Outputs = NO_OUTPUTS,
+) -> None:
+    """Put the corrected rig under irregular waves: mean power of each sea, energy of a year, losses, peaks.
+
+    The line follows the surface, unless --float is given. Every value has a 95 % interval; motions that the logs do not cover
+    and seas over a limit are flagged. A diagnosis whose gap is unexplained is rejected, unless --force is given.
+    """
+    one_thread_each()
+    from winchcascade.batch.campaign_design import corrected_by
+    from winchcascade.batch.seas_given import seas_of
+    from winchcascade.core.files import write_content
+    from winchcascade.report.results.sea_report import sea_csv, sea_record, sea_report
+    from winchcascade.report.screen import status_line
+    from winchcascade.sea.hydrodynamics import read_float
+    from winchcascade.sea.line_motion import FOLLOWER
+    from winchcascade.sea.sea_study import BINS, sea_study
+
+    outputs.check([source, scatter, float_, rig])
+    set_threads(threads or processes())
+    seas = seas_of(
+        scatter, numbers("--hs", hs), numbers("--tp", tp), gamma=gamma, bins=numbers("--bins", bins) or BINS, froude=froude,
+        minutes=minutes, seed=seed,
+    )  # fmt: skip
+    if not (math.isnan(load) or load > 0.0):
+        raise OptionError(f"--load {load:g}: expected a number of ohms above 0.")
+    limits = {"current": current_limit, "speed": speed_limit, "tension": tension_limit}
+    with status_line(f"putting {source.name} under waves") as on_progress:
+        posterior, tested = corrected_by(source, rig, on_progress)
+        tested.judgement.check(f"{source}", force=outputs.force)
+        on_progress("stepping through the seas")
+        found = sea_study(
+            posterior, tested, seas, body=FOLLOWER if float_ is None else read_float(float_),
+            moved_by="the surface" if float_ is None else float_.name, load=load, compare=compare,
+            schedule=_schedule(posterior, tested) if compare else None,
+            limits={name: limit for name, limit in limits.items() if limit is not None}, payout=payout, draws=draws,
+        )  # fmt: skip
+    if outputs["csv"] is not None:
+        write_content(outputs["csv"], sea_csv(found), force=outputs.force)
+    present(lambda: sea_report(found, command=given_command()), outputs, record=lambda: sea_record(found), name="sea")
+
+
+def _schedule(posterior: RigPosterior, tested: Tested) -> Control | None:
+    """The schedule of `design` for most power; None where it has no load."""
+    from winchcascade.design.design import design
+    from winchcascade.sea.in_sea import scheduled
+
+    designed = design(posterior, tested)
+    rows = [
+        (one.rpm_low, one.rpm_high, one.load)
+        for one in designed.schedule
+        if one.criterion == "power" and one.load is not None
+    ]
+    return scheduled(rows, "design") if rows else None

@@ -1,0 +1,177 @@
+"""The rig inside of an FMU: what pythonfmu calls in another simulator (FMI 2.0 for co-simulation).
+
+Only an FMU, or the export of one, imports this module, as it needs the extra `fmu`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement
+
+import msgspec
+from pythonfmu import Fmi2Causality, Fmi2Initial, Fmi2Slave, Fmi2Variability, Real
+
+from winchcascade.rig.ledger import LEDGER
+from winchcascade.rig.parts import PARTS, Model, with_part
+from winchcascade.rig.stepped_rig import SteppedRig
+
+RESOURCE = "rig.json"
+"""File of an FMU that holds the model and what is known of it."""
+
+OUTPUTS = {
+    "line_tension": ("force", "N", "tension of the line"),
+    "torque_pto": ("torque", "N.m", "torque of the PTO shaft"),
+    "torque_em": ("torque_em", "N.m", "air-gap torque of the machine"),
+    "generator_speed": ("omega_gen", "rad/s", "speed of the high-speed shaft"),
+    "stator_current": ("i_s", "A", "stator current, rms"),
+    "vdc": ("vdc", "V", "voltage of the DC link"),
+    "idc": ("idc", "A", "current of the load"),
+    "gas_pressure": ("pressure", "Pa", "gauge pressure of the gas"),
+}
+"""Outputs: column of the solution, unit, what it is."""
+
+LOST = tuple(name for name, one in LEDGER.items() if one.words.startswith("lost") and name != "shaft_loss")
+"""Losses that are outputs; that of the shaft spring is not known at an instant."""
+
+
+NO_OPTIONS: Mapping[str, str] = MappingProxyType({})
+
+
+class Stated(msgspec.Struct, frozen=True):
+    """What an FMU holds: model by part, unit, meaning and standard uncertainty of each number, description, and starts."""
+
+    model: dict[str, dict[str, Any]]
+    numbers: dict[str, tuple[str, str, float | None]]
+    description: str
+    step: float
+    rest: float
+    load: float
+
+
+class WithUnit(Real):  # type: ignore[misc]  # pythonfmu has no types
+    """A real variable with its unit, which pythonfmu leaves out."""
+
+    def __init__(self, name: str, unit: str, **about: Any) -> None:
+        super().__init__(name, **about)
+        self.unit = unit
+
+    def to_xml(self) -> Element:
+        """The variable with its unit."""
+        found: Element = super().to_xml()
+        real = found.find("Real")
+        if real is not None and self.unit != "1":
+            real.set("unit", self.unit)
+        return found
+
+
+class RigSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
+    """A rig: velocity of the line and load in, tension and all else out.
+
+    The velocity is that at the end of a step, and changes evenly until then. What is given holds one `step` before it.
+    """
+
+    def __init__(self, **about: Any) -> None:
+        super().__init__(**about)
+        stated = msgspec.json.decode((Path(self.resources) / RESOURCE).read_bytes(), type=Stated)
+        self.description, self.numbers = stated.description, stated.numbers
+        parts = {
+            part: {name: tuple(x) if isinstance(x, list) else x for name, x in stated.model[part].items()}
+            for part in PARTS
+        }
+        self.model = Model(**{part: kind(**parts[part]) for part, kind in PARTS.items()})
+        self.held = {"line_velocity": 0.0, "load_resistance": stated.load, "payout": 0.0, "start_velocity": 0.0}
+        self.held |= {"step": stated.step, "rest_speed": stated.rest}
+        self.found = dict.fromkeys([*OUTPUTS, *(f"loss_{name}" for name in LOST), "line_displacement"], 0.0)
+        self.rig: SteppedRig | None = None
+        self._declare()
+
+    def _declare(self) -> None:
+        """Declare inputs, outputs and parameters."""
+        known = [
+            ("line_velocity", "m/s", "velocity of the line at the end of a step, payout positive", Fmi2Causality.input),
+            ("load_resistance", "ohm", "resistance of the load at the DC link", Fmi2Causality.input),
+            ("payout", "m", "displacement of the line at the start", Fmi2Causality.parameter),
+            ("start_velocity", "m/s", "velocity of the line at the start", Fmi2Causality.parameter),
+            (
+                "step",
+                "s",
+                "step of the rig; a step of the simulation is a whole number of them",
+                Fmi2Causality.parameter,
+            ),
+            ("rest_speed", "m/s", "speed of the line within which friction changes its sign", Fmi2Causality.parameter),
+        ]
+        for name, unit, what, causality in known:
+            self._register(
+                name, unit, what, causality, partial(self.held.get, name), partial(self.held.__setitem__, name)
+            )
+        for path, (unit, what, u) in self.numbers.items():
+            text = what if u is None else f"{what}, u = {u:.3g} {unit}"
+            part, name = path.split(".")
+            number = partial(lambda part, name: getattr(getattr(self.model, part), name), part, name)
+            self._register(path, unit, text, Fmi2Causality.parameter, number, partial(self._change, part, name))
+        units = {name: (unit, what) for name, (_, unit, what) in OUTPUTS.items()} | {
+            f"loss_{name}": ("W", LEDGER[name].words) for name in LOST
+        }
+        for name, (unit, what) in (units | {"line_displacement": ("m", "displacement of the line")}).items():
+            self._register(name, unit, what, Fmi2Causality.output, partial(self.found.get, name), None)
+
+    def _register(self, name: str, unit: str, what: str, causality: Any, getter: Any, setter: Any) -> None:
+        """Declare one variable."""
+        kind = {"variability": Fmi2Variability.continuous}
+        if causality == Fmi2Causality.parameter:
+            kind = {"variability": Fmi2Variability.fixed, "initial": Fmi2Initial.exact}
+        variable = WithUnit(name, unit, causality=causality, description=what, getter=getter, setter=setter, **kind)
+        self.register_variable(variable, nested=False)
+
+    def _change(self, part: str, name: str, value: float) -> None:
+        """Change a number of the model; it acts from the next initialization on."""
+        self.model = with_part(self.model, part, **{name: value})
+
+    def to_xml(self, model_options: Mapping[str, str] = NO_OPTIONS) -> Element:
+        """The description of the FMU, with the units of its variables."""
+        root: Element = super().to_xml(model_options)
+        units = Element("UnitDefinitions")
+        for unit in sorted({variable.unit for variable in self.vars.values()} - {"1"}):
+            SubElement(units, "Unit", name=unit)
+        root.insert(1, units)
+        return root
+
+    def exit_initialization_mode(self) -> None:
+        """Begin at the velocity that the line has."""
+        self.rig = SteppedRig(self.model, self.held["step"], self.held["rest_speed"])
+        self.rig.begin(self.held["start_velocity"], self.held["payout"])
+
+    def do_step(self, current_time: float, step_size: float) -> bool:  # noqa: ARG002  # FMI gives the time
+        """Step to the velocity of the line."""
+        rig, load = self.rig, self.held["load_resistance"]
+        if rig is None:
+            return False
+        given = rig.advance(self.held["line_velocity"], step_size, load)
+        v, x = rig.before()
+        self.found.update({name: given[column] for name, (column, _, _) in OUTPUTS.items()}, line_displacement=x)
+        powers = rig.powers(v, x, load)
+        self.found.update({f"loss_{name}": powers[name] for name in LOST})
+        return True
+
+    def _get_fmu_state(self) -> dict[str, Any]:
+        """All that a later call goes back to."""
+        kept = None if self.rig is None else self.rig.kept.tolist()
+        parts = {part: getattr(self.model, part)._asdict() for part in PARTS}
+        return {"held": dict(self.held), "found": dict(self.found), "kept": kept, "model": parts}
+
+    def _set_fmu_state(self, state: dict[str, Any]) -> None:
+        """Go back to a state."""
+        self.held.update(state["held"])
+        self.found.update(state["found"])
+        for part, numbers in state["model"].items():
+            self.model = with_part(
+                self.model, part, **{name: tuple(x) if isinstance(x, list) else x for name, x in numbers.items()}
+            )
+        if state["kept"] is not None:
+            self.exit_initialization_mode()
+            assert self.rig is not None
+            self.rig.kept[:] = state["kept"]

@@ -1,0 +1,337 @@
+"""A corrected rig in one sea or many: mean power with its band in each, energy of a year, loads compared, what limits it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.errors import LogError, OptionError
+from winchcascade.core.jobs import all_at_once
+from winchcascade.core.run import Signal
+from winchcascade.core.viewed import Viewed
+from winchcascade.diagnosis.handover.posterior import NEAR, Band, RigPosterior, Tested
+from winchcascade.rig.kernel import COLUMNS
+from winchcascade.rig.parts import Model
+from winchcascade.rig.simulate import check_travel
+from winchcascade.sea.coupled import float_in_waves
+from winchcascade.sea.hydrodynamics import Hydrodynamics
+from winchcascade.sea.in_sea import PEAKS, PLACE, QUANTITIES, Control, fixed, losses, run
+from winchcascade.sea.line_motion import FOLLOWER, FloatResponse, SeaPath, path_in_waves
+from winchcascade.sea.wave_spectra import SeaState, realised
+
+MINUTES, DRAWS = 20.0, 40
+"""Length of each sea [min], as IEC TS 62600-100 has its records, and number of rigs drawn from the posterior."""
+
+HOURS = 8766.0
+"""Hours of a year. [h]"""
+
+BINS = (0.5, 1.0)
+"""Bins of wave height [m] and period [s] of a power matrix (IEC TS 62600-100)."""
+
+CANDIDATES = 15
+"""Number of fixed loads, evenly spaced in their logarithm, among which the best is searched; between them by a parabola."""
+
+WIDER = 3.0
+"""Factor by which loads beyond those of the logs are tried, too. [1]"""
+
+SEARCHED = 100.0
+"""Length in peak periods of the sea over which the load of all seas is searched. [1]"""
+
+SAMPLED = 20_000
+"""Number of instants of a sea that are compared with what the logs cover."""
+
+ENDS = (0.025, 0.975)
+"""Ends of a 95 % interval. [1]"""
+
+FROUDE = {"W": 3.5, "N": 3.0, "rpm": -0.5, "N.m": 4.0}
+"""Powers of the scale by which quantities are scaled (Froude's law); electrical ones stay those of the rig. [1]"""
+
+
+Body = FloatResponse | Hydrodynamics
+"""What moves the line: the surface or a float of known response, or a float that the rig pulls."""
+
+
+class Seas(msgspec.Struct, frozen=True):
+    """Seas with the hours of each in a year (NaN where that is not stated), in full scale.
+
+    Parameters
+    ----------
+    states : significant wave heights [m], peak periods [s], spectra
+    hours : of each in a year [h]
+    froude : scale of the seas over that of the rig [1]
+    minutes : length of each [min]
+    seed : from which phases and draws follow
+    """
+
+    states: tuple[SeaState, ...]
+    hours: tuple[float, ...]
+    froude: float = 1.0
+    minutes: float = MINUTES
+    seed: int = 0
+
+    @property
+    def yearly(self) -> bool:
+        """Whether every sea has its hours."""
+        return all(math.isfinite(hours) for hours in self.hours)
+
+    def at_rig(self, k: int) -> tuple[SeaState, float]:
+        """A sea at the scale of the rig, and its duration there [s]."""
+        own, root = self.states[k], math.sqrt(self.froude)
+        sea = msgspec.structs.replace(own, hs=own.hs / self.froude, tp=own.tp / root)
+        return sea, 60.0 * self.minutes / root
+
+
+class InSea(msgspec.Struct, frozen=True):
+    """What the rig gives in a sea.
+
+    Parameters
+    ----------
+    hs, tp, hours : of the sea, in full scale [m, s, h]
+    values : `QUANTITIES`, in full scale
+    lost : mean power by each loss, in full scale [W]
+    outside : share of the time of payout that the logs do not cover [1]
+    exceeds : limits that are exceeded
+    best_load : best fixed load of this sea [ohm]; NaN where it was not searched
+    power : mean power at the DC link by each other control, in full scale [W]
+    gain : relative gain of power over others, by the names of both
+    reason : why there is no result; empty where there is one
+    """
+
+    hs: float
+    tp: float
+    hours: float
+    values: dict[str, Band] = {}
+    lost: dict[str, float] = {}
+    outside: float = math.nan
+    exceeds: tuple[str, ...] = ()
+    best_load: float = math.nan
+    power: dict[str, Band] = {}
+    gain: dict[str, Band] = {}
+    reason: str = ""
+
+
+class SeaStudy(Viewed, frozen=True, kw_only=True):
+    """A corrected rig in some seas; `year` is its energy in one [MWh], None without hours, of `hours` with a result [h]."""
+
+    tested: Tested
+    seas: Seas
+    moved_by: str
+    load: float
+    schedule: Control | None
+    limits: dict[str, float]
+    payout: float
+    draws: int
+    rows: tuple[InSea, ...]
+    year: Band | None
+    hours: float
+
+
+class Rig(NamedTuple):
+    """A corrected rig in waves: the best model and drawn ones, what its logs cover, what moves its line, limits [by `PEAKS`],
+    and payout in still water [m].
+    """
+
+    models: list[Model]
+    tested: Tested
+    body: Body
+    limits: Mapping[str, float]
+    payout: float
+
+
+def sea_study(
+    posterior: RigPosterior,
+    tested: Tested,
+    seas: Seas,
+    *,
+    body: Body = FOLLOWER,
+    moved_by: str = "the surface",
+    load: float = math.nan,
+    schedule: Control | None = None,
+    compare: bool = False,
+    limits: Mapping[str, float] = {},
+    payout: float = math.nan,
+    draws: int = DRAWS,
+) -> SeaStudy:
+    """Put a corrected rig under irregular waves.
+
+    Parameters
+    ----------
+    body : what moves the line, and `moved_by` in words
+    load : fixed load [ohm]; by default the best one for the energy of all seas
+    schedule : of the load over the speed of the generator, which is compared with the fixed load
+    compare : also search the best fixed load of each sea
+    limits : largest allowed values by the names of `PEAKS`
+    payout : of the line in still water [m]; by default half of a usual payout of the logs
+    draws : number of rigs drawn from the posterior
+
+    Raises
+    ------
+    OptionError : a number that is none, or no sea in which the rig has a result
+    """
+    if tested.warm is not None:
+        limits = {**limits, "heating": min(limits.get("heating", math.inf), tested.warm)}
+    models = [posterior.model(), *posterior.draws(draws, seas.seed)]
+    rig = Rig(models, tested, body, limits, 0.5 * tested.length if math.isnan(payout) else payout)
+    numbers = range(len(seas.states))
+    searched = [math.nan] * len(numbers)
+    if math.isnan(load) or compare:
+        load, searched = _searched(rig, seas, load, math.inf if compare else SEARCHED)
+    controls = {"fixed": fixed(load)} | ({} if schedule is None else {"schedule": schedule})
+    jobs = [
+        partial(_in_sea, rig, seas, k, controls | ({"best": fixed(best)} if compare and math.isfinite(best) else {}))
+        for k, best in zip(numbers, searched, strict=True)
+    ]
+    found = all_at_once(jobs)
+    rows = tuple(row for row, _ in found)
+    known = [k for k, row in enumerate(rows) if not row.reason]
+    if not known:
+        raise OptionError(f"no sea has a result: {rows[0].reason}")
+    year = None
+    if seas.yearly:
+        hours = np.array([rows[k].hours for k in known])
+        year = band_of(1e-6 * hours @ np.array([found[k][1] for k in known]))
+    return SeaStudy(
+        tested=tested,
+        seas=seas,
+        moved_by=moved_by,
+        load=load,
+        schedule=schedule,
+        limits=dict(limits),
+        payout=rig.payout,
+        draws=draws,
+        rows=rows,
+        year=year,
+        hours=sum(rows[k].hours for k in known),
+    )
+
+
+def band_of(values: Signal) -> Band:
+    """The value of the best model and the 95 % interval of drawn ones, (1 + draws,): of 40, nearly their range.
+
+    >>> band_of(np.array([3.0, *range(1, 40)]))
+    Band(value=3.0, low=1.0, high=39.0)
+    """
+    if values.size < 3:
+        return Band(float(values[0]), math.nan, math.nan)
+    return Band(float(values[0]), *np.quantile(values[1:], ENDS, method="weibull").tolist())
+
+
+PathOf = Callable[[Model, Control], SeaPath]
+"""The motion of the line with a model at a control; LogError where the rig has no room for it."""
+
+
+def _moved(rig: Rig, seas: Seas, k: int) -> PathOf:
+    """How a sea moves the line: alike with every model, unless the rig pulls at the float."""
+    (sea, duration), body = seas.at_rig(k), rig.body
+    waves, name = realised(sea, duration, seas.seed + k), f"{sea.hs:g} m, {sea.tp:g} s"
+    if isinstance(body, Hydrodynamics):
+
+        def pulled(model: Model, control: Control) -> SeaPath:
+            own, _ = float_in_waves(model, waves, body, sea.tp, rig.payout, control)
+            check_travel(name, model, float(np.min(own.motion.x)), float(np.max(own.motion.x)))
+            return own
+
+        return pulled
+    path = path_in_waves(rig.models[0], waves, body, sea.tp, rig.payout)
+
+    def given(model: Model, _: Control) -> SeaPath:
+        check_travel(name, model, float(np.min(path.motion.x)), float(np.max(path.motion.x)))
+        return path
+
+    return given
+
+
+def _searched(rig: Rig, seas: Seas, load: float, periods: float) -> tuple[float, list[float]]:
+    """The load that is best for all seas, unless one is given, and the best of each [ohm], NaN where there is none.
+
+    Parameters
+    ----------
+    periods : length of the search in each sea, in peak periods [1]
+    """
+    loads, numbers = rig.tested.loads, range(len(seas.states))
+    if not loads:
+        raise OptionError(f"{rig.tested.title}: no run has a load; name one by --load OHM.")
+    tried = np.geomspace(min(loads) / WIDER, max(loads) * WIDER, CANDIDATES)
+    power = np.array(all_at_once([partial(_powers, rig, seas, k, tried, periods) for k in numbers]))
+    known = np.isfinite(power[:, 0])
+    best = [largest_at(tried, own) if math.isfinite(own[0]) else math.nan for own in power]
+    if math.isnan(load) and known.any():
+        hours = np.array(seas.hours) if seas.yearly else np.ones(len(numbers))
+        load = largest_at(tried, hours[known] @ power[known])
+    return load, best
+
+
+def _powers(rig: Rig, seas: Seas, k: int, loads: Signal, periods: float) -> Signal:
+    """Mean power at the DC link over the first part of a sea at some fixed loads, (k,); NaN where there is none. [W]"""
+    path_of, model, found = _moved(rig, seas, k), rig.models[0], np.full(loads.size, math.nan)
+    for j, control in enumerate(map(fixed, loads.tolist())):
+        try:
+            path = path_of(model, control)
+        except LogError:
+            return np.full(loads.size, math.nan)
+        found[j] = run(model, path.until(periods * seas.at_rig(k)[0].tp), control)[PLACE["p_gen_w"]]
+    return found
+
+
+def largest_at(loads: Signal, values: Signal) -> float:
+    """Where a metric is largest over the logarithm of the load, by a parabola through the three highest neighbours. [ohm]"""
+    k = int(np.argmax(values))
+    if not 0 < k < loads.size - 1:
+        return float(loads[k])
+    before, here, after = values[k - 1 : k + 2].tolist()
+    curve = before - 2.0 * here + after
+    shift = 0.5 * (before - after) / curve if curve < 0.0 else 0.0
+    return float(loads[k] * (loads[k + 1] / loads[k]) ** shift)
+
+
+def _in_sea(rig: Rig, seas: Seas, k: int, controls: Mapping[str, Control]) -> tuple[InSea, Signal]:
+    """A sea, and the mean power at the DC link with the best model and each drawn one, (1 + draws,) in full scale [W]."""
+    state, best = seas.states[k], rig.models[0]
+    row = InSea(state.hs, state.tp, seas.hours[k])
+    path_of, found, fixed_at = _moved(rig, seas, k), dict[str, Signal](), controls["fixed"]
+    try:
+        path = path_of(best, fixed_at)
+        out = np.empty((path.motion.v.size, len(COLUMNS)))
+        run(best, path, fixed_at, out)
+        for name, control in controls.items():
+            found[name] = np.array([run(model, path_of(model, control), control) for model in rig.models])
+    except LogError as fault:
+        return msgspec.structs.replace(row, reason=str(fault)), np.zeros(len(rig.models))
+    scale = np.array([seas.froude ** FROUDE.get(unit, 0.0) for unit in QUANTITIES.values()])
+    power = {name: seas.froude ** FROUDE["W"] * values[:, PLACE["p_gen_w"]] for name, values in found.items()}
+    main = found["fixed"]
+    largest = {name: main[0, PLACE[quantity]] for name, quantity in PEAKS.items()}
+    row = msgspec.structs.replace(
+        row,
+        values={name: band_of(scale[j] * main[:, j]) for name, j in PLACE.items()},
+        lost={name: seas.froude ** FROUDE["W"] * watt for name, watt in losses(best, path, out).items()},
+        outside=outside_of(rig.tested, path, out),
+        exceeds=tuple(name for name, limit in rig.limits.items() if largest[name] > limit),
+        best_load=controls["best"].loads[0] if "best" in controls else math.nan,
+        power={name: band_of(own) for name, own in power.items() if name != "fixed"},
+        gain={
+            f"{one}_over_{other}": band_of(power[one] / power[other] - 1.0)
+            for one, other in (("best", "fixed"), ("schedule", "fixed"), ("schedule", "best"))
+            if one in power and other in power
+        },
+    )
+    return row, power["fixed"]
+
+
+def outside_of(tested: Tested, path: SeaPath, out: Signal) -> float:
+    """Share of the time of payout in which speed, DC current, tension or payout is beyond what the logs cover. [1]"""
+    stride = max(1, (path.motion.v.size - path.first) // SAMPLED)
+    some = slice(path.first, None, stride)
+    v, x = path.motion.v[some], path.motion.x[some]
+    pays = v > path.motion.rest
+    idc, force = (out[some, COLUMNS.index(name)] for name in ("idc", "force"))
+    slack = NEAR * tested.length
+    covered = np.logical_and(
+        tested.covers(v, idc, force), np.abs(x - 0.5 * tested.length) <= 0.5 * tested.length + slack
+    )
+    return float(np.mean(~covered[pays])) if pays.any() else 0.0
