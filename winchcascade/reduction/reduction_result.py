@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import msgspec
 
+from winchcascade.core.accuracy import CERTAIN
 from winchcascade.core.rig_file import Rig, WindowRule
 from winchcascade.core.run import Finding, Run
 from winchcascade.core.viewed import Viewed
@@ -16,6 +17,9 @@ from winchcascade.reduction.energies import NetSpan
 from winchcascade.reduction.phase_summary import BothWays, PhaseSummary
 from winchcascade.reduction.phased_run import Window
 from winchcascade.reduction.phases import Cycle
+
+REMAINS = 1.5
+"""Standard uncertainties that a lag may be away from zero before its u grows with it: 13 % of true zeros are farther. [1]"""
 
 
 class CycleResult(msgspec.Struct, frozen=True):
@@ -48,6 +52,27 @@ class MeasuredLoad(msgspec.Struct, frozen=True):
     u: float
 
 
+class Relation(msgspec.Struct, frozen=True):
+    """Lag of y behind x with its standard uncertainty, beyond what physics explains [s], and the least that is reported [s]."""
+
+    y: str
+    x: str
+    law: str
+    lag: float
+    u: float
+    least: float
+
+    @property
+    def deviates(self) -> bool:
+        """Whether the lag is a finding."""
+        return abs(self.lag) >= max(self.least, CERTAIN * self.u)
+
+    @property
+    def u_remaining(self) -> float:
+        """Standard uncertainty of a channel that is not shifted: a lag that exceeds its u remains in what is reduced. [s]"""
+        return max(self.u, abs(self.lag) / REMAINS)
+
+
 class Reduction(Viewed, frozen=True):
     """Result of the reduction of a log: every cycle, their mean and repeatability, and powers over generator speed.
 
@@ -64,6 +89,7 @@ class Reduction(Viewed, frozen=True):
     bridged : of each stage that has gaps, what bridging them could have changed of the energy of each cycle [J]
     sampled : where the sampling is not clearly fine, what every second or third sample alone changes of the energy [J]
     measured_load : Vdc / Idc, whatever load is stated
+    relations : how its channels follow its motion
     """
 
     run: Run
@@ -78,6 +104,7 @@ class Reduction(Viewed, frozen=True):
     bridged: Mapping[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
     sampled: Mapping[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
     measured_load: MeasuredLoad | None = None
+    relations: tuple[Relation, ...] = ()
 
     def __repr__(self) -> str:
         """One line instead of every number."""

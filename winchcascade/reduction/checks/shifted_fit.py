@@ -1,0 +1,180 @@
+"""The lag at which a signal follows a law: a linear fit of the columns of the law at every shift of the signal.
+
+All signals of a payout are averaged over the cells of one even grid and smoothed alike, so that neither moves one of them
+against another. A weight that is known beforehand, as the rig file gives the inertia, enters as one more equation; a log that
+contradicts it is fitted without it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from winchcascade.core.integrate import means_of
+from winchcascade.core.run import Index, Signal
+from winchcascade.core.smooth import smoothing_weights
+from winchcascade.reduction.efficiency import SMALLEST
+
+GRID = 1 / 12
+"""Smallest step of the grid, as a share of the width that smooths the velocity. [1]"""
+
+POINTS = 600
+"""Number of points of all payouts together in a fit; more of them repeat what their neighbours show."""
+
+MIN_POINTS = 20
+"""Minimum number of points that shows how one signal follows others."""
+
+RANK = 1e-6
+"""Smallest singular value of a law over the largest: less is rounding. [1]"""
+
+CONTRADICTS = 12.0
+"""A known weight is contradicted if minus twice the log likelihood falls by this without it: what the Bayesian criterion asks
+of one more number for 1e5 points. [1]"""
+
+
+class Payout(NamedTuple):
+    """Signals of one payout on an even grid: times of its points [s], their step [s], and the points that are compared, (j,).
+
+    The grid goes on beyond these, so that signals can be shifted.
+    """
+
+    t: Signal
+    step: float
+    inside: Index
+    signals: dict[str, Signal]
+
+
+class Known(NamedTuple):
+    """Weight of the last column of a law with its standard uncertainty, as the rig file gives it."""
+
+    weight: float
+    u: float
+
+
+class Shift(NamedTuple):
+    """Lag of a signal with its standard uncertainty [s], weights of the columns, and the residual as a share of what the
+    columns beside the motion leave [1].
+    """
+
+    lag: float
+    u: float
+    weights: Signal
+    residual: float
+
+
+def on_grid(
+    t: Signal, channels: Mapping[str, Signal], span: tuple[float, float], reach: float, width: float
+) -> Payout | None:
+    """Average channels over the cells of a grid and smooth them; None for too short a span.
+
+    Parameters
+    ----------
+    t, channels : (n,) stamps that rise [s], and channels
+    span : begin and end of what is compared [s]
+    reach : length of the grid beyond both [s]
+    width : of the local quadratic [s]
+    """
+    rows = slice(int(t.searchsorted(span[0] - reach)), int(t.searchsorted(span[1] + reach)))
+    t = t[rows]
+    if t.size < MIN_POINTS:
+        return None
+    step = max(float(t[-1] - t[0]) / (t.size - 1), GRID * width)
+    edges = np.arange(float(t[0]), float(t[-1]), step)
+    cells = np.column_stack((edges[:-1], edges[1:]))
+    means = means_of(t, [channels[name][rows].__getitem__ for name in channels], cells)
+    half = int(0.5 * width / step + 1e-6)
+    kernel = smoothing_weights(half) if half else np.ones(1)
+    smooth = [np.convolve(np.pad(x, half, "edge"), kernel, "valid") for x in means]
+    at = cells.mean(axis=1)
+    inside = np.flatnonzero((at >= span[0]) & (at <= span[1]))
+    return Payout(at, step, inside, dict(zip(channels, smooth, strict=True)))
+
+
+def shifted(
+    payouts: Sequence[Payout],
+    columns: Sequence[Signal],
+    name: str,
+    *,
+    reach: float,
+    beside: int,
+    left_out: float,
+    known: Known | None = None,
+) -> Shift | None:
+    """Fit the lag of a signal behind its law; None where too few points show it.
+
+    Parameters
+    ----------
+    columns : (m, j) of the law for each payout, at its points `inside`; a constant is added
+    name : of the signal
+    reach : largest lag [s]
+    beside : number of columns, the first ones, that are no motion
+    left_out : standard deviation of what the law leaves out, as a share of the range of the signal [1]
+    known : weight of the last column, which is not negative
+    """
+    step = payouts[0].step
+    every = max(1, sum(p.inside.size for p in payouts) // POINTS)
+    shifts = np.arange(-int(reach / step), int(reach / step) + 1)
+    places = [np.clip(p.inside[::every, None] + shifts, 0, p.t.size - 1) for p in payouts]
+    y = np.concatenate([p.signals[name][place] for p, place in zip(payouts, places, strict=True)])
+    law = np.concatenate([column[:, ::every] for column in columns], axis=1)
+    law = np.vstack((np.ones(law.shape[1]), law)).T
+    size = np.linalg.norm(law, axis=0)
+    if len(law) < max(MIN_POINTS, 5 * law.shape[1]) or not size.all() or not np.ptp(y):
+        return None
+    free = _least_squares(law / size, y, left_out)
+    found, squares = free, free.squares
+    if known is not None:
+        row = np.zeros((1, size.size))
+        row[0, -1] = math.sqrt(free.variance) / known.u / size[-1]
+        right = np.full((1, shifts.size), math.sqrt(free.variance) * known.weight / known.u)
+        tied = _least_squares(np.vstack((law / size, row)), np.vstack((y, right)), left_out)
+        worse = float(tied.squares.min() - free.squares.min()) / free.variance
+        if worse < CONTRADICTS or free.weights[-1] < 0.0:
+            found, squares = tied, tied.squares
+    best, chi = int(squares.argmin()), (squares - squares.min()) / found.variance
+    lag, u = _vertex(chi, best)
+    near = np.flatnonzero(chi < 4.0)  # also about another minimum, which explains the log as well
+    u = max(u, 0.5 * float(np.abs(near - best).max() - 1))
+    weights = found.weights / size
+    rest = law[:, : beside + 1]
+    unmoved = y[:, best] - rest @ np.linalg.lstsq(rest, y[:, best])[0]
+    residual = float(squares[best]) / max(float(unmoved @ unmoved), SMALLEST)
+    return Shift(step * (shifts[best] + lag), step * u, weights, residual)
+
+
+class _Fit(NamedTuple):
+    """Sums of squares at every shift, (k,), and variance of a residual that counts as one sum of its own, at the best one;
+    weights of the columns there.
+    """
+
+    squares: Signal
+    variance: float
+    weights: Signal
+
+
+def _least_squares(law: Signal, y: Signal, left_out: float) -> _Fit:
+    """Fit columns, (n, m), to a signal at k shifts, (n, k). The residual is correlated, so that fewer points count."""
+    u, s, v = np.linalg.svd(law, full_matrices=False)
+    kept = s > RANK * s[0]
+    u, s, v = u[:, kept], s[kept], v[kept]
+    along = u.T @ y
+    squares = np.einsum("ij,ij->j", y, y) - np.einsum("ij,ij->j", along, along)
+    best = int(squares.argmin())
+    residual = y[:, best] - u @ along[:, best]
+    left = float(residual @ residual)
+    following = float(residual[1:] @ residual[:-1]) / max(left, SMALLEST)
+    fewer = max((1.0 + following) / max(1.0 - following, 1e-3), 1.0)
+    size = left_out * float(np.ptp(y[:, best]))
+    return _Fit(squares, fewer * max(left / len(y), size * size), v.T @ (along[:, best] / s))
+
+
+def _vertex(chi: Signal, best: int) -> tuple[float, float]:
+    """Place of the minimum beside the best shift, and the distance at which chi squared rises by 1. [shifts]"""
+    if not 0 < best < chi.size - 1:
+        return 0.0, float(chi.size)
+    before, after = float(chi[best - 1]), float(chi[best + 1])
+    bend = 0.5 * (before + after)
+    return 0.25 * (before - after) / bend, 1.0 / math.sqrt(bend)
