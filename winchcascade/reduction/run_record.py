@@ -292,6 +292,10 @@ def reduction_entries(reduction: Reduction, found: Uncertainty | None = None) ->
             "undetermined": [*named(dict.fromkeys(known.undetermined), known.undetermined)],
         },
         total: sums,
+        "relations": [
+            {"y": r.y, "x": r.x, "law": r.law, "lag_s": r.lag, "lag_u_s": r.u, "lag_limit_s": r.least}
+            for r in reduction.relations
+        ],
         "bins": [_bin(one, cascade) for one in reduction.bins],
     }
     if cascade.configured:
@@ -344,7 +348,8 @@ def _budget(reduction: Reduction, found: Uncertainty, names: Collection[str]) ->
         of: dict[str, Any] = {"source": "bridged gaps"}
         if (source := row.source) is not None:
             of = {"source": source.channel, "part": source.part}
-            of["unit"] = "1" if source.part == "gain" else si_unit(channels[source.channel].dimension)
+            units = {"gain": "1", "lag": "s"}
+            of["unit"] = units.get(source.part) or si_unit(channels[source.channel].dimension)
             of |= {"distribution": source.shape, "basis": source.basis, "limit": source.limit}
             of |= {"standard_uncertainty": source.u, "from": source.origin}
         rows.append(of | {"contribution": named(row.of, names), "share": named(shares(row.of, mean), names)})

@@ -21,6 +21,7 @@ from winchcascade.core.quantity import TURN
 from winchcascade.core.run import Signal
 from winchcascade.reduction.checks.phased_log import Fault, PhasedLog
 from winchcascade.reduction.checks.shifted_fit import Known, Payout, on_grid, shifted
+from winchcascade.reduction.efficiency import SMALLEST
 from winchcascade.reduction.reduction_result import Relation
 
 WIDE = 2.0
@@ -29,8 +30,6 @@ WIDE = 2.0
 REACH = 20 / 3
 """Largest lag that is sought, as a share of the width that smooths the velocity, as all times here. [1]"""
 
-LAW = 1 / 60
-"""Standard uncertainty of a lag by what a law leaves out. [1]"""
 
 UNKNOWN_MACHINE = 7 / 60
 """The same where the rig file lacks stiffness of the shaft or DC capacitor: a rotor lags by up to half of the width. [1]"""
@@ -56,7 +55,8 @@ INERTIA = 1 / 4
 
 class Law(NamedTuple):
     """One row of the table: y, x, name of the law, its columns, how many of these are no motion, what it leaves out as a share
-    of the range of y [1], the least lag that is reported [1], and whether x is the speed of the rotor.
+    of the range of y [1], the least lag that is reported [1], the standard uncertainty of a lag by what the law leaves out [1],
+    and whether x is the speed of the rotor.
     """
 
     y: str
@@ -66,6 +66,7 @@ class Law(NamedTuple):
     beside: int = 0
     left_out: float = 0.0
     least: float = SAME_TIME
+    u: float = 1 / 300
     rotor: bool = False
 
 
@@ -76,13 +77,13 @@ SPEED = ("v", "v2", "v3")
 
 LAWS = (
     Law("displacement", "velocity", "integral", ("time", "travel"), beside=1),
-    Law("vdc", "velocity", "speed", SPEED, left_out=CUBIC, rotor=True),
+    Law("vdc", "velocity", "speed", SPEED, left_out=CUBIC, u=1 / 120, rotor=True),
     Law("idc", "vdc", "load", ("vdc",)),
-    Law("torque", "velocity", "engagement", (*SPEED, "a"), left_out=CUBIC, least=INERTIA, rotor=True),
-    Law("force", "torque", "transmission", ("rest", "torque", "torque2", "a"), beside=1, left_out=CUBIC),
+    Law("torque", "velocity", "engagement", (*SPEED, "a"), left_out=CUBIC, least=INERTIA, u=1 / 40, rotor=True),
+    Law("force", "torque", "transmission", ("rest", "torque", "torque2", "a"), beside=1, left_out=CUBIC, u=1 / 120),
     Law(
         "force", "velocity", "engagement", ("rest", *SPEED, "a"),
-        beside=1, left_out=CUBIC, least=INERTIA, rotor=True,
+        beside=1, left_out=CUBIC, least=INERTIA, u=1 / 40, rotor=True,
     ),
 )  # fmt: skip
 """The table. Of two rows with the same y the first one counts whose x the log has."""
@@ -202,23 +203,24 @@ def _estimate(log: PhasedLog, payouts: Sequence[Payout], law: Law, *, known: boo
     if shift is None or shift.residual > FOLLOWS or abs(shift.lag) > reach - payouts[0].step:
         return None
     delay, u = _delay(log, law.y, known=known) if law.rotor else (0.0, 0.0)
-    u = math.hypot(shift.u, u, LAW * width)
+    u = math.hypot(shift.u, u, law.u * width)
     return Relation(law.y, law.x, law.law, shift.lag - delay, u, max(law.least * width, 1.0 / log.run.fs))
 
 
 def _of_rotor(log: PhasedLog) -> Known | None:
     """Torque per acceleration of the line: of the rotor, and of the charge of the DC capacitor; None where unknown.
 
-    A torque charges the capacitor with the power Vdc C dVdc/dt.
+    The current that charges the capacitor takes the torque that the load takes for the same current.
     """
     train, radius, capacity = log.rig.drivetrain, log.rig.r_drum, log.rig.dc_link.c_dc
     if train.inertia_rotor is None or train.gear_ratio is None or radius is None:
         return None
-    volts, charged = log.run.channels.get("vdc"), 0.0
-    if volts is not None and capacity is not None:
-        charged = capacity.value * (largest(volts) / largest(log.phased.v_smooth)) ** 2 * radius
     mesh = train.eta_mesh.value if train.eta_mesh is not None else 1.0
-    weight = (train.inertia_rotor.value * train.gear_ratio.value**2 / radius + charged) / mesh
+    weight = train.inertia_rotor.value * train.gear_ratio.value**2 / radius / mesh
+    volts, amperes = (log.run.channels.get(name) for name in ("vdc", "idc"))
+    if capacity is not None and volts is not None and not log.idle and amperes is not None:
+        per_ampere = largest(log.run.channels["torque"]) / max(largest(amperes), SMALLEST)
+        weight += capacity.value * largest(volts) / largest(log.phased.v_smooth) * per_ampere
     return Known(weight, OF_INERTIA * weight)
 
 
