@@ -46,6 +46,9 @@ FOLLOWS = 0.1
 OF_DRUM = 0.5
 """Standard uncertainty of the inertia between force cell and torque sensor: line and chain move with the drum. [1]"""
 
+HOLDS = 0.03
+"""A law holds if the residual is less than this share of the range of the channel: a quarter of it noise of the channel. [1]"""
+
 SAME_TIME = 1 / 6
 """Smallest lag that is reported: energies change by more than 0.5 %. [1]"""
 
@@ -80,9 +83,9 @@ LAWS = (
     Law("vdc", "velocity", "speed", SPEED, left_out=CUBIC, u=1 / 120, rotor=True),
     Law("idc", "vdc", "load", ("vdc",)),
     Law("torque", "velocity", "engagement", (*SPEED, "a"), left_out=CUBIC, least=INERTIA, u=1 / 40, rotor=True),
-    Law("force", "torque", "transmission", ("rest", "torque", "torque2", "a"), beside=1, left_out=CUBIC, u=1 / 120),
+    Law("force", "torque", "transmission", ("rest", "friction", "torque", "torque2", "a"), beside=1, left_out=CUBIC, u=1 / 120),
     Law(
-        "force", "velocity", "engagement", ("rest", *SPEED, "a"),
+        "force", "velocity", "engagement", ("rest", "friction", *SPEED, "a"),
         beside=1, left_out=CUBIC, least=INERTIA, u=1 / 40, rotor=True,
     ),
 )  # fmt: skip
@@ -118,7 +121,11 @@ def _twist(log: PhasedLog, payouts: Sequence[Payout]) -> bool:
     late = shift.lag - wound(log)
     for p in payouts:
         torque = np.interp(p.t + late, p.t, p.signals["torque"])
-        _complete(p, p.signals["velocity"] - radius / stiffness.value * np.gradient(torque, p.step))
+        _complete(
+            p,
+            p.signals["velocity"] - radius / stiffness.value * np.gradient(torque, p.step),
+            log.rig.thresholds.v_onset,
+        )
     return True
 
 
@@ -164,24 +171,27 @@ def payouts_of(log: PhasedLog) -> list[Payout]:
     for k in phased.chosen() if "velocity" in channels else ():
         cycle, plateau = phased.cycles[k], phased.plateaus[k]
         if not cycle.begins_inside:
-            driven = plateau.braking if log.idle and plateau is not None else cycle.payout_end
-            payout = on_grid(run.t, channels, (cycle.onset, driven), (REACH + 1.0) * width, width)
+            braking = plateau.braking if plateau is not None else cycle.payout_end
+            span = cycle.onset, braking, braking if log.idle else cycle.payout_end
+            payout = on_grid(run.t, channels, span, (REACH + 1.0) * width, width)
             if payout is not None and payout.inside.size:
-                _complete(payout, payout.signals["velocity"])
+                _complete(payout, payout.signals["velocity"], log.rig.thresholds.v_onset)
                 found.append(payout)
     return found
 
 
-def _complete(payout: Payout, rotor: Signal) -> None:
+def _complete(payout: Payout, rotor: Signal, v_onset: float) -> None:
     """Add what laws are made of: powers of the speed of the rotor and of the torque, acceleration, travel, and what a line at
     rest depends on.
 
     Parameters
     ----------
     rotor : (n,) its speed at the line [m/s]
+    v_onset : speed at which a payout begins [m/s]
     """
     s, v = payout.signals, payout.signals["velocity"]
     s |= {"v": rotor, "v2": rotor**2, "v3": rotor**3, "a": np.gradient(rotor, payout.step), "time": payout.t}
+    s["friction"] = v / (np.abs(v) + v_onset)  # of the restoring module, which reverses at the onset
     s["travel"] = np.concatenate(([0.0], np.cumsum(0.5 * (v[1:] + v[:-1])))) * payout.step
     s["rest"] = s[next(name for name in ("pressure", "displacement", "time") if name in s)]
     if "torque" in s:
@@ -197,10 +207,14 @@ def _estimate(log: PhasedLog, payouts: Sequence[Payout], law: Law, *, known: boo
     if any(np.ptp(p.signals[law.y]) < 2.0 * CERTAIN * white_noise(log.run.channels[law.y]) for p in payouts[:1]):
         return None
     inertia = INERTIAS[law.y, law.law](log) if (law.y, law.law) in INERTIAS else None
-    columns = [_columns(p, law) for p in payouts]
     reach = REACH * width
-    shift = shifted(payouts, columns, law.y, reach=reach, beside=law.beside, left_out=law.left_out, known=inertia)
-    if shift is None or shift.residual > FOLLOWS or abs(shift.lag) > reach - payouts[0].step:
+    shift = None
+    for some in (payouts, [p._replace(inside=p.inside[: p.braking]) for p in payouts]):
+        columns = [_columns(p, law) for p in some]
+        shift = shifted(some, columns, law.y, reach=reach, beside=law.beside, left_out=law.left_out, known=inertia)
+        if shift is not None and shift.misfit < HOLDS:
+            break  # else the clutch opens in the braking, and the rotor runs on
+    if shift is None or shift.residual > FOLLOWS or shift.misfit > HOLDS or abs(shift.lag) > reach - payouts[0].step:
         return None
     delay, u = _delay(log, law.y, known=known) if law.rotor else (0.0, 0.0)
     u = math.hypot(shift.u, u, law.u * width)

@@ -30,20 +30,27 @@ MIN_POINTS = 20
 RANK = 1e-6
 """Smallest singular value of a law over the largest: less is rounding. [1]"""
 
-CONTRADICTS = 12.0
-"""A known weight is contradicted if minus twice the log likelihood falls by this without it: what the Bayesian criterion asks
-of one more number for 1e5 points. [1]"""
+MOVES = 0.3
+"""Smallest variance of a signal at a shift, as a share of that without: with less it is shifted to its rest, which any law
+fits. [1]"""
+
+CORNERS = 4.0
+"""Number of independent places in a payout that show a lag: the ends of both ramps."""
+
+CONTRADICTS = 6.0
+"""A known weight is contradicted if minus twice the log likelihood falls by this without it: once in 70 logs by chance. [1]"""
 
 
 class Payout(NamedTuple):
     """Signals of one payout on an even grid: times of its points [s], their step [s], and the points that are compared, (j,).
 
-    The grid goes on beyond these, so that signals can be shifted.
+    The grid goes on beyond these, so that signals can be shifted. `braking` is the number of points before the braking.
     """
 
     t: Signal
     step: float
     inside: Index
+    braking: int
     signals: dict[str, Signal]
 
 
@@ -55,29 +62,29 @@ class Known(NamedTuple):
 
 
 class Shift(NamedTuple):
-    """Lag of a signal with its standard uncertainty [s], weights of the columns, and the residual as a share of what the
-    columns beside the motion leave [1].
+    """Lag of a signal with its standard uncertainty [s], the residual as a share of what the columns beside the motion leave
+    [1], and its standard deviation as a share of the range of the signal [1].
     """
 
     lag: float
     u: float
-    weights: Signal
     residual: float
+    misfit: float
 
 
 def on_grid(
-    t: Signal, channels: Mapping[str, Signal], span: tuple[float, float], reach: float, width: float
+    t: Signal, channels: Mapping[str, Signal], span: tuple[float, float, float], reach: float, width: float
 ) -> Payout | None:
     """Average channels over the cells of a grid and smooth them; None for too short a span.
 
     Parameters
     ----------
     t, channels : (n,) stamps that rise [s], and channels
-    span : begin and end of what is compared [s]
+    span : begin of what is compared, of the braking, and end [s]
     reach : length of the grid beyond both [s]
     width : of the local quadratic [s]
     """
-    rows = slice(int(t.searchsorted(span[0] - reach)), int(t.searchsorted(span[1] + reach)))
+    rows = slice(int(t.searchsorted(span[0] - reach)), int(t.searchsorted(span[2] + reach)))
     t = t[rows]
     if t.size < MIN_POINTS:
         return None
@@ -89,8 +96,9 @@ def on_grid(
     kernel = smoothing_weights(half) if half else np.ones(1)
     smooth = [np.convolve(np.pad(x, half, "edge"), kernel, "valid") for x in means]
     at = cells.mean(axis=1)
-    inside = np.flatnonzero((at >= span[0]) & (at <= span[1]))
-    return Payout(at, step, inside, dict(zip(channels, smooth, strict=True)))
+    inside = np.flatnonzero((at >= span[0]) & (at <= span[2]))
+    braking = int(np.count_nonzero(at[inside] < span[1]))
+    return Payout(at, step, inside, braking, dict(zip(channels, smooth, strict=True)))
 
 
 def shifted(
@@ -124,13 +132,17 @@ def shifted(
     size = np.linalg.norm(law, axis=0)
     if len(law) < max(MIN_POINTS, 5 * law.shape[1]) or not size.all() or not np.ptp(y):
         return None
-    free = _least_squares(law / size, y, left_out)
+    unmoved = _squares(np.linalg.qr(law[:, : beside + 1])[0], y)
+    moves = unmoved > MOVES * unmoved[shifts.size // 2]
+    shifts, y, unmoved = shifts[moves], y[:, moves], unmoved[moves]
+    least = len(y) / (CORNERS * len(payouts))
+    free = _least_squares(law / size, y, left_out, least)
     found, squares = free, free.squares
     if known is not None:
         row = np.zeros((1, size.size))
         row[0, -1] = math.sqrt(free.variance) / known.u / size[-1]
         right = np.full((1, shifts.size), math.sqrt(free.variance) * known.weight / known.u)
-        tied = _least_squares(np.vstack((law / size, row)), np.vstack((y, right)), left_out)
+        tied = _least_squares(np.vstack((law / size, row)), np.vstack((y, right)), left_out, least)
         worse = float(tied.squares.min() - free.squares.min()) / free.variance
         if worse < CONTRADICTS or free.weights[-1] < 0.0:
             found, squares = tied, tied.squares
@@ -138,11 +150,14 @@ def shifted(
     lag, u = _vertex(chi, best)
     near = np.flatnonzero(chi < 4.0)  # also about another minimum, which explains the log as well
     u = max(u, 0.5 * float(np.abs(near - best).max() - 1))
-    weights = found.weights / size
-    rest = law[:, : beside + 1]
-    unmoved = y[:, best] - rest @ np.linalg.lstsq(rest, y[:, best])[0]
-    residual = float(squares[best]) / max(float(unmoved @ unmoved), SMALLEST)
-    return Shift(step * (shifts[best] + lag), step * u, weights, residual)
+    misfit = math.sqrt(max(float(squares[best]), 0.0) / len(y)) / float(np.ptp(y[:, best]))
+    return Shift(step * float(shifts[best] + lag), step * u, float(squares[best] / unmoved[best]), misfit)
+
+
+def _squares(basis: Signal, y: Signal) -> Signal:
+    """Sums of squares of k signals, (n, k), beside an orthonormal basis, (n, m)."""
+    along = basis.T @ y
+    return np.asarray(np.einsum("ij,ij->j", y, y) - np.einsum("ij,ij->j", along, along))
 
 
 class _Fit(NamedTuple):
@@ -155,20 +170,26 @@ class _Fit(NamedTuple):
     weights: Signal
 
 
-def _least_squares(law: Signal, y: Signal, left_out: float) -> _Fit:
-    """Fit columns, (n, m), to a signal at k shifts, (n, k). The residual is correlated, so that fewer points count."""
+def _least_squares(law: Signal, y: Signal, left_out: float, least: float) -> _Fit:
+    """Fit columns, (n, m), to a signal at k shifts, (n, k). The residual is correlated, so that fewer points count.
+
+    Parameters
+    ----------
+    left_out : least standard deviation of the residual, as a share of the range of the signal [1]
+    least : least number of points that count as one
+    """
     u, s, v = np.linalg.svd(law, full_matrices=False)
     kept = s > RANK * s[0]
     u, s, v = u[:, kept], s[kept], v[kept]
-    along = u.T @ y
-    squares = np.einsum("ij,ij->j", y, y) - np.einsum("ij,ij->j", along, along)
+    squares = _squares(u, y)
     best = int(squares.argmin())
-    residual = y[:, best] - u @ along[:, best]
+    along = u.T @ y[:, best]
+    residual = y[:, best] - u @ along
     left = float(residual @ residual)
     following = float(residual[1:] @ residual[:-1]) / max(left, SMALLEST)
-    fewer = max((1.0 + following) / max(1.0 - following, 1e-3), 1.0)
+    fewer = max((1.0 + following) / max(1.0 - following, 1e-3), least)
     size = left_out * float(np.ptp(y[:, best]))
-    return _Fit(squares, fewer * max(left / len(y), size * size), v.T @ (along[:, best] / s))
+    return _Fit(squares, fewer * max(left / len(y), size * size), v.T @ (along / s))
 
 
 def _vertex(chi: Signal, best: int) -> tuple[float, float]:
