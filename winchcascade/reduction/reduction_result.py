@@ -52,15 +52,30 @@ class MeasuredLoad(msgspec.Struct, frozen=True):
     u: float
 
 
-class Relation(msgspec.Struct, frozen=True):
-    """Lag of y behind x with its standard uncertainty, beyond what physics explains [s], and the least that is reported [s]."""
+RELATION = {"lag": "lag_s", "u": "lag_u_s", "u_law": "lag_u_law_s", "least": "lag_limit_s", "u_gain": "gain_u"}
+"""Names of the fields of a relation in written files."""
+
+
+class Relation(msgspec.Struct, frozen=True, rename=RELATION):
+    """How a channel y follows another one, x, by a law.
+
+    Parameters
+    ----------
+    lag : of y behind x beyond what physics explains [s]
+    u, u_law : its standard uncertainty, and what of that the logs of a rig share [s]
+    least : smallest lag that is reported [s]
+    gain, u_gain : y over what the law gives without a fit, and its standard uncertainty [1]; None where the law has no size
+    """
 
     y: str
     x: str
     law: str
     lag: float
     u: float
+    u_law: float
     least: float
+    gain: float | None = None
+    u_gain: float | None = None
 
     @property
     def deviates(self) -> bool:

@@ -25,7 +25,7 @@ from winchcascade.reduction.bins import STORES, TORQUE, Bin
 from winchcascade.reduction.efficiency import ALL_METRICS, named, ratio
 from winchcascade.reduction.energies import NetSpan
 from winchcascade.reduction.phase_summary import PhaseSummary, mean_plateau_speed
-from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.reduction_result import Reduction, Relation
 from winchcascade.reduction.uncertainty import Uncertainty, shares, uncertainty
 from winchcascade.reduction.wave_energies import WaveEnergies, waves_of
 
@@ -156,6 +156,7 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     uncertainty: UncertaintyRecord
     total: Numbers
     bins: tuple[dict[str, Any], ...]
+    relations: tuple[Relation, ...] = ()
     stages: StagesRecord | UnsetType = UNSET
     cycles_from: str | UnsetType = UNSET
     waves: WaveEnergies | UnsetType = UNSET
@@ -292,10 +293,7 @@ def reduction_entries(reduction: Reduction, found: Uncertainty | None = None) ->
             "undetermined": [*named(dict.fromkeys(known.undetermined), known.undetermined)],
         },
         total: sums,
-        "relations": [
-            {"y": r.y, "x": r.x, "law": r.law, "lag_s": r.lag, "lag_u_s": r.u, "lag_limit_s": r.least}
-            for r in reduction.relations
-        ],
+        "relations": reduction.relations,
         "bins": [_bin(one, cascade) for one in reduction.bins],
     }
     if cascade.configured:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from winchcascade.core.run import Finding, FindingKind
 from winchcascade.ingest.checks.samples import text_of
-from winchcascade.reduction.checks import at_rest, cycles, gain_steps, load, sampling
+from winchcascade.reduction.checks import at_rest, bounds, cycles, gain_steps, load, sampling
 from winchcascade.reduction.checks.phased_log import Fault, PhasedLog
 from winchcascade.reduction.checks.relations import late
 from winchcascade.reduction.efficiency_changes import changed_efficiencies
@@ -22,7 +22,7 @@ CHECKS: tuple[Check, ...] = (
 
 CHECKS_OF_MOTION: tuple[Check, ...] = (
     gain_steps.stepped, at_rest.zeros, load.computed_current, at_rest.force_at_rest, sampling.coarse_sampling,
-    sampling.held_channels, cycles.uneven_strokes, changed_efficiencies,
+    sampling.held_channels, bounds.exceeded, cycles.uneven_strokes, changed_efficiencies,
 )  # fmt: skip
 """Checks that need payouts which are alike, and the rests between them."""
 
@@ -65,6 +65,18 @@ FAULTS: dict[str, tuple[FindingKind, str, str]] = {
         "gain_step",
         "{channel} steps by {change} ({share:+.1%} of its largest value) where it passes {level}, while {partner} does not",
         KEPT + "; check both for a meter that changes its range, and for an offset that appears under load",
+    ),
+    "more_than_shaft": (
+        "gain_mismatch",
+        "on the plateau P_gen and the losses of the rig file are {ratio:.3f} times the power of the shaft (95 % interval "
+        "{low:.3f} to {high:.3f}), and no machine gives more than it takes",
+        KEPT + "; torque or velocity read too little, or Vdc or Idc too much: check their gains, r_drum and the gear ratio",
+    ),
+    "more_than_emf": (
+        "gain_mismatch",
+        "on the plateau Vdc is {ratio:.3f} times the peak of the back-EMF at this speed (95 % interval {low:.3f} to "
+        "{high:.3f})",
+        KEPT + "; the velocity reads too little, or Vdc too much: check their gains, k_e, r_drum and the gear ratio",
     ),
     "zero": (
         "zero_offset",

@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import CERTAIN
-from winchcascade.core.integrate import largest, white_noise
+from winchcascade.core.integrate import largest, median_and_error, white_noise
 from winchcascade.core.quantity import TURN
 from winchcascade.core.run import Signal
 from winchcascade.reduction.checks.phased_log import Fault, PhasedLog
@@ -217,8 +217,21 @@ def _estimate(log: PhasedLog, payouts: Sequence[Payout], law: Law, *, known: boo
     if shift is None or shift.residual > FOLLOWS or shift.misfit > HOLDS or abs(shift.lag) > reach - payouts[0].step:
         return None
     delay, u = _delay(log, law.y, known=known) if law.rotor else (0.0, 0.0)
-    u = math.hypot(shift.u, u, law.u * width)
-    return Relation(law.y, law.x, law.law, shift.lag - delay, u, max(law.least * width, 1.0 / log.run.fs))
+    u_law, least = math.hypot(u, law.u * width), max(law.least * width, 1.0 / log.run.fs)
+    gain, u_gain = _gain(log, payouts, law)
+    return Relation(law.y, law.x, law.law, shift.lag - delay, math.hypot(shift.u, u_law), u_law, least, gain, u_gain)
+
+
+def _gain(log: PhasedLog, payouts: Sequence[Payout], law: Law) -> tuple[float | None, float | None]:
+    """Travel of the displacement over that of the velocity, or Idc over Vdc / R, and its standard uncertainty; else None."""
+    ratios, load = np.empty(0), log.run.load
+    if law.law == "integral":
+        ends = [(p.inside[[0, -1]], p.signals) for p in payouts]
+        ratios = np.array([np.ptp(s["displacement"][k]) / np.ptp(s["travel"][k]) for k, s in ends])
+    elif law.law == "load" and load is not None and log.points.spans:
+        v_dc, i_dc = log.points.mean
+        ratios = i_dc * load / v_dc
+    return median_and_error(ratios) if ratios.size else (None, None)
 
 
 def _of_rotor(log: PhasedLog) -> Known | None:
