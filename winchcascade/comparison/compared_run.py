@@ -173,7 +173,7 @@ def _gains(
     found: dict[str, Gain] = {}
     for row in parts.budget:
         by_accuracy = row.part == "zero" and row.basis in ("limits", "expanded_uncertainty")
-        if not (by_accuracy or row.part == "gain") or row.source == SAMPLING:
+        if not (by_accuracy or row.part in ("gain", "lag")) or row.source == SAMPLING:
             continue
         error = f"{row.source}, zero" if by_accuracy else row.source
         before = found.get(error, Gain(0.0, {}))
