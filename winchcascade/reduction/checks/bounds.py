@@ -46,10 +46,8 @@ class Bound(NamedTuple):
 def exceeded(log: PhasedLog) -> Iterator[Fault]:
     """Bounds that the usual plateau of a log exceeds."""
     for bound in (power_of_shaft(log), peak_of_voltage(log)):
-        if bound is None or not bound.excess.size:
-            continue
-        excess = median(bound.excess)
-        if excess > max(bound.least, CERTAIN * bound.u):
+        excess = 0.0 if bound is None else median(bound.excess)
+        if bound is not None and excess > max(bound.least, CERTAIN * bound.u):
             values = {"ratio": 1.0 + excess, "low": 1.0 + excess - 2.0 * bound.u, "high": 1.0 + excess + 2.0 * bound.u}
             yield Fault(bound.name, bound.channel, plateaus_of(log), values)
 
@@ -79,7 +77,7 @@ def power_of_shaft(log: PhasedLog) -> Bound | None:
     """P_gen with the losses in mesh, copper, diodes and damper that the rig file states, over P_mech."""
     train, machine, radius = log.rig.drivetrain, log.rig.generator, log.rig.r_drum
     means, per_line = _means(log, "velocity", "torque", "vdc", "idc"), _ratio_of_speeds(log)
-    if means is None or per_line is None or radius is None or log.idle:
+    if means is None or not means.size or per_line is None or radius is None or log.idle:
         return None
     v, torque, v_dc, i_dc = means
     mesh = 1.0 if train.eta_mesh is None else train.eta_mesh.value
@@ -94,7 +92,7 @@ def power_of_shaft(log: PhasedLog) -> Bound | None:
 def peak_of_voltage(log: PhasedLog) -> Bound | None:
     """Vdc over the peak of the back-EMF between two lines at the speed of the rotor (Eq. 8)."""
     k_e, means, per_line = log.rig.generator.k_e, _means(log, "velocity", "vdc"), _ratio_of_speeds(log)
-    if k_e is None or means is None or per_line is None:
+    if k_e is None or means is None or not means.size or per_line is None:
         return None
     v, v_dc = means
     peak = math.sqrt(2.0) * k_e.value * 60.0 / TURN * per_line * v

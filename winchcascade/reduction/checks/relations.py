@@ -15,7 +15,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from winchcascade.core.accuracy import CERTAIN
+from winchcascade.core.accuracy import CERTAIN, open_circuit_current
 from winchcascade.core.integrate import largest, median_and_error, white_noise
 from winchcascade.core.quantity import TURN
 from winchcascade.core.run import Signal
@@ -129,6 +129,14 @@ def _twist(log: PhasedLog, payouts: Sequence[Payout]) -> bool:
     return True
 
 
+def idles(log: PhasedLog) -> bool:
+    """Whether no load takes a current, so that the rotor runs on when the line slows down."""
+    v_dc, i_dc = (log.run.channels.get(name) for name in ("vdc", "idc"))
+    if v_dc is None or i_dc is None:
+        return log.idle
+    return log.run.open_circuit or largest(i_dc) <= open_circuit_current(log.rig, largest(v_dc))
+
+
 def _columns(payout: Payout, law: Law) -> Signal:
     return np.array([payout.signals[name][payout.inside] for name in law.columns])
 
@@ -165,14 +173,14 @@ def late(log: PhasedLog, relations: Sequence[Relation]) -> Iterator[Fault]:
 def payouts_of(log: PhasedLog) -> list[Payout]:
     """The payouts on their grids, with all that the laws need; in open circuit up to the braking, where the clutch opens."""
     phased, run, width = log.phased, log.run, log.rig.thresholds.smoothing
-    names = ("velocity", "displacement", "torque", "force", "pressure", *(() if log.idle else ("vdc", "idc")))
+    names = ("velocity", "displacement", "torque", "force", "pressure", *(() if idles(log) else ("vdc", "idc")))
     channels = {name: run.channels[name] for name in names if name in run.channels}
     found = []
     for k in phased.chosen() if "velocity" in channels else ():
         cycle, plateau = phased.cycles[k], phased.plateaus[k]
         if not cycle.begins_inside:
             braking = plateau.braking if plateau is not None else cycle.payout_end
-            span = cycle.onset, braking, braking if log.idle else cycle.payout_end
+            span = cycle.onset, braking, braking if idles(log) else cycle.payout_end
             payout = on_grid(run.t, channels, span, (REACH + 1.0) * width, width)
             if payout is not None and payout.inside.size:
                 _complete(payout, payout.signals["velocity"], log.rig.thresholds.v_onset)
@@ -245,7 +253,7 @@ def _of_rotor(log: PhasedLog) -> Known | None:
     mesh = train.eta_mesh.value if train.eta_mesh is not None else 1.0
     weight = train.inertia_rotor.value * train.gear_ratio.value**2 / radius / mesh
     volts, amperes = (log.run.channels.get(name) for name in ("vdc", "idc"))
-    if capacity is not None and volts is not None and not log.idle and amperes is not None:
+    if capacity is not None and volts is not None and not idles(log) and amperes is not None:
         per_ampere = largest(log.run.channels["torque"]) / max(largest(amperes), SMALLEST)
         weight += capacity.value * largest(volts) / largest(log.phased.v_smooth) * per_ampere
     return Known(weight, OF_INERTIA * weight)
@@ -270,7 +278,7 @@ def _delay(log: PhasedLog, channel: str, *, known: bool) -> tuple[float, float]:
     if channel == "vdc":
         known = known and capacity is not None and resistance is not None
         delay = capacity.value * resistance if capacity is not None and resistance is not None else 0.0
-    return delay, OF_DELAY * delay if known and not log.idle else UNKNOWN_MACHINE * log.rig.thresholds.smoothing
+    return delay, OF_DELAY * delay if known and not idles(log) else UNKNOWN_MACHINE * log.rig.thresholds.smoothing
 
 
 def wound(log: PhasedLog) -> float:
