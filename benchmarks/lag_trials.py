@@ -1,8 +1,8 @@
-"""Lags between the channels of the shipped campaign: each is found, or its error lies within two standard uncertainties.
+"""Lags between the channels of the shipped campaign: each is found, or its error lies within 2 u.
 
-`python benchmarks/lag_trials.py --cases 400` moves groups of channels of the logs, alone and together, by 0.06 to 0.8 s to either
-side, at 5 to 200 Hz, and prints the share of cases that hold, and every case that does not. `--clean` moves none and prints the
-findings, which are false.
+`python benchmarks/lag_trials.py --cases 400` moves groups of channels of the logs, alone and together,
+by 0.06 to 0.8 s to either side, at 5 to 200 Hz. It prints the share of cases that hold, and every case
+that does not. `--clean` moves none and prints the findings, which are false.
 """
 
 from __future__ import annotations
