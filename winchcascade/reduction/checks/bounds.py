@@ -13,15 +13,15 @@ from typing import NamedTuple
 import numpy as np
 
 from winchcascade.core.accuracy import CERTAIN
-from winchcascade.core.integrate import median
+from winchcascade.core.integrate import median, median_and_error
 from winchcascade.core.quantity import TURN
 from winchcascade.core.run import Signal
 from winchcascade.core.scales import SILICON
 from winchcascade.reduction.checks.phased_log import Fault, PhasedLog
 
-POWER = 0.02
-"""Smallest share by which the power behind the shaft exceeds that of the shaft in a finding: plateaus hold their speed no
-better. [1]"""
+POWER = 0.04
+"""Smallest share by which the power behind the shaft exceeds that of the shaft in a finding: the shaft rings on a short
+plateau, and a coarse log does not average that out. [1]"""
 
 VOLTAGE = 0.05
 """The same of Vdc over the peak of the back-EMF, as entries of gear and radius err by some percent. [1]"""
@@ -46,9 +46,12 @@ class Bound(NamedTuple):
 def exceeded(log: PhasedLog) -> Iterator[Fault]:
     """Bounds that the usual plateau of a log exceeds."""
     for bound in (power_of_shaft(log), peak_of_voltage(log)):
-        excess = 0.0 if bound is None else median(bound.excess)
-        if bound is not None and excess > max(bound.least, CERTAIN * bound.u):
-            values = {"ratio": 1.0 + excess, "low": 1.0 + excess - 2.0 * bound.u, "high": 1.0 + excess + 2.0 * bound.u}
+        if bound is None:
+            continue
+        excess, scatter = median_and_error(bound.excess)
+        u = math.hypot(bound.u, scatter)
+        if excess > max(bound.least, CERTAIN * u):
+            values = {"ratio": 1.0 + excess, "low": 1.0 + excess - 2.0 * u, "high": 1.0 + excess + 2.0 * u}
             yield Fault(bound.name, bound.channel, plateaus_of(log), values)
 
 

@@ -27,7 +27,7 @@ from winchcascade.reduction.reduction_result import Relation
 WIDE = 2.0
 """Half width of a 95 % interval in standard uncertainties (GUM G.6.6). [1]"""
 
-REACH = 20 / 3
+REACH = 4.0
 """Largest lag that is sought, as a share of the width that smooths the velocity, as all times here. [1]"""
 
 

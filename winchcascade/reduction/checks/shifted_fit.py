@@ -94,7 +94,8 @@ def on_grid(
     means = means_of(t, [channels[name][rows].__getitem__ for name in channels], cells)
     half = int(0.5 * width / step + 1e-6)
     kernel = smoothing_weights(half) if half else np.ones(1)
-    smooth = [np.convolve(np.pad(x, half, "edge"), kernel, "valid") for x in means]
+    first, last = means[:, :1].repeat(half, axis=1), means[:, -1:].repeat(half, axis=1)
+    smooth = [np.convolve(x, kernel, "valid") for x in np.hstack((first, means, last))]
     at = cells.mean(axis=1)
     inside = np.flatnonzero((at >= span[0]) & (at <= span[2]))
     braking = int(np.count_nonzero(at[inside] < span[1]))
