@@ -1,9 +1,8 @@
 """Lags between the channels of the shipped campaign: each is found, or its error lies within 2 u.
 
-`python benchmarks/lag_trials.py --cases 400` moves groups of channels of the logs, alone and together,
-by 0.06 to 0.8 s to either side, at 5 to 200 Hz. It prints the share of cases that hold, and every case
-that does not. `--clean` moves none and prints the findings, which are false.
-"""
+`python benchmarks/lag_trials.py --cases 400` moves groups of channels of the logs, alone and
+together, by 0.06 to 0.8 s to either side, at 5 to 200 Hz. It prints the share of cases that hold,
+and every case that does not. `--clean` moves none and prints the findings, which are false."""
 
 from __future__ import annotations
 
@@ -33,7 +32,8 @@ Signal = NDArray[np.float64]
 
 
 def resampled(run: Run, rate: float, lags: dict[str, float], rng: np.random.Generator) -> Run:
-    """The log at another rate, smoothed before it is thinned out, each channel late by its lag [s]."""
+    """The log at another rate, smoothed before it is thinned out, each channel late by its lag
+    [s]."""
     t = np.arange(run.t[0], run.t[-1], 1.0 / rate)
     half = max(1, round(0.5 * run.fs / rate))
     kernel = np.bartlett(2 * half + 1) / np.bartlett(2 * half + 1).sum()

@@ -1,4 +1,5 @@
-"""Channels tied to the motion: lags found, their part in the budget, bounds of the machine, several logs."""
+"""Channels tied to the motion: lags found, their part in the budget, bounds of the machine, several
+logs."""
 
 from __future__ import annotations
 

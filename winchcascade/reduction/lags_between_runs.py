@@ -1,8 +1,8 @@
-"""Lags of the logs of a campaign taken together: one that all logs share, and one that a single log has.
+"""Lags of the logs of a campaign taken together: one that all logs share, and one that a single log
+has.
 
-Each log determines a lag to its own uncertainty; what the law of a relation leaves out is common to the logs. Their median is
-therefore known better than the lag of any of them.
-"""
+Each log determines a lag to its own uncertainty; what the law of a relation leaves out is common to
+the logs. Their median is therefore known better than the lag of any of them."""
 
 from __future__ import annotations
 
@@ -23,12 +23,13 @@ OF_LEAST = 0.5
 """Smallest lag that is reported of several logs, as a share of that of one log. [1]"""
 
 KNOWN = 2.0
-"""A log is compared if its law leaves out at most this many times what the best of them does: an idle machine leaves out more.
-[1]"""
+"""A log is compared if its law leaves out at most this many times what the best of them does: an
+idle machine leaves out more. [1]"""
 
 
 class LagBetween(NamedTuple):
-    """A lag that shows beside other logs: names of the logs that have it, of how many; lag and standard uncertainty. [s]"""
+    """A lag that shows beside other logs: names of the logs that have it, of how many; lag and
+    standard uncertainty. [s]"""
 
     names: tuple[str, ...]
     all: int

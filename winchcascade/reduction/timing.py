@@ -1,8 +1,9 @@
-"""What lags between the channels change of energies: a factor of a power that is recorded late meets another motion.
+"""What lags between the channels change of energies: a factor of a power that is recorded late
+meets another motion.
 
-Channels that share an amplifier or a logger are late together. A relation between a channel and the motion therefore moves the
-channel and all that follow it; what a rig file states of a channel (`u_lag`) moves that channel alone.
-"""
+Channels that share an amplifier or a logger are late together. A relation between a channel and the
+motion therefore moves the channel and all that follow it; what a rig file states of a channel
+(`u_lag`) moves that channel alone."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ TIMING = "timing"
 """Source of uncertainty that is no channel: lags between channels and motion."""
 
 Rates = Mapping[str, Mapping[str, Signal]]
-"""By stage and channel, what each span loses of its energy per second by which the channel is late, (k,). [W]"""
+"""By stage and channel, what each span loses of its energy per second by which the channel is late,
+(k,). [W]"""
 
 
 def lag_sources(reduction: Reduction) -> list[tuple[ErrorSource, tuple[str, ...]]]:

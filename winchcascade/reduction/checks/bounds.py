@@ -1,8 +1,9 @@
-"""What a machine with the numbers of the rig file cannot exceed: the power of its shaft, and the peak of its back-EMF.
+"""What a machine with the numbers of the rig file cannot exceed: the power of its shaft, and the
+peak of its back-EMF.
 
-Both hold whatever losses the rig file leaves out, as a loss lowers what comes out alone. A gain of torque, velocity or DC
-channels by which more comes out than goes in is therefore visible in one log.
-"""
+Both hold whatever losses the rig file leaves out, as a loss lowers what comes out alone. A gain of
+torque, velocity or DC channels by which more comes out than goes in is therefore visible in one
+log."""
 
 from __future__ import annotations
 
@@ -20,21 +21,21 @@ from winchcascade.core.scales import SILICON
 from winchcascade.reduction.checks.phased_log import Fault, PhasedLog
 
 POWER = 0.04
-"""Smallest share by which the power behind the shaft exceeds that of the shaft in a finding: the shaft rings on a short
-plateau, and a coarse log does not average that out. [1]"""
+"""Smallest share by which the power behind the shaft exceeds that of the shaft in a finding: the
+shaft rings on a short plateau, and a coarse log does not average that out. [1]"""
 
 VOLTAGE = 0.05
-"""The same of Vdc over the peak of the back-EMF, as entries of gear and radius err by some percent. [1]"""
+"""The same of Vdc over the peak of the back-EMF, as entries of gear and radius err by some percent.
+[1]"""
 
 STATOR = 0.75
-"""Smallest rms current of the stator over the current of a diode bridge: sqrt(2/3) for a stiff current, less with a capacitor
-and reactance. [1]"""
+"""Smallest rms current of the stator over the current of a diode bridge: sqrt(2/3) for a stiff
+current, less with a capacitor and reactance. [1]"""
 
 
 class Bound(NamedTuple):
-    """Share by which one quantity exceeds what bounds it, of each plateau (k,), with its standard uncertainty, and the least
-    that is reported [1].
-    """
+    """Share by which one quantity exceeds what bounds it, of each plateau (k,), with its standard
+    uncertainty, and the least that is reported [1]."""
 
     name: str
     channel: str
@@ -77,7 +78,8 @@ def _ratio_of_speeds(log: PhasedLog) -> float | None:
 
 
 def power_of_shaft(log: PhasedLog) -> Bound | None:
-    """P_gen with the losses in mesh, copper, diodes and damper that the rig file states, over P_mech."""
+    """P_gen with the losses in mesh, copper, diodes and damper that the rig file states, over
+    P_mech."""
     train, machine, radius = log.rig.drivetrain, log.rig.generator, log.rig.r_drum
     means, per_line = _means(log, "velocity", "torque", "vdc", "idc"), _ratio_of_speeds(log)
     if means is None or not means.size or per_line is None or radius is None or log.idle:

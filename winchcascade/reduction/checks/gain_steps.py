@@ -1,8 +1,8 @@
-"""Steps of a channel at a level that its partner passes smoothly: a meter that changes its range, an offset under load.
+"""Steps of a channel at a level that its partner passes smoothly: a meter that changes its range,
+an offset under load.
 
-Vdc and Idc follow each other at a resistor, torque and line tension while the clutch drives. What a smooth function of the one
-leaves of the other steps at one level.
-"""
+Vdc and Idc follow each other at a resistor, torque and line tension while the clutch drives. What a
+smooth function of the one leaves of the other steps at one level."""
 
 from __future__ import annotations
 
@@ -22,16 +22,17 @@ FOLLOWS = 0.1
 """A signal follows its partner if the residual is less than this share of its variance. [1]"""
 
 LOWEST = 0.1
-"""Lowest level of a step, as a share of the largest value, and its distance from that: beyond are zeros, and noise of the
-plateau. [1]"""
+"""Lowest level of a step, as a share of the largest value, and its distance from that: beyond are
+zeros, and noise of the plateau. [1]"""
 
 PARTNERS = (("vdc", "idc", 1), ("torque", "force", 2))
-"""Two channels of which each is a polynomial of this degree of the other. At the onset the friction of the restoring module
-reverses, so that the tension counts after it."""
+"""Two channels of which each is a polynomial of this degree of the other. At the onset the friction
+of the restoring module reverses, so that the tension counts after it."""
 
 
 class Fitted(NamedTuple):
-    """Weights of columns, their standard errors, and the sum of squares of the residual as a share of the variance of y [1]."""
+    """Weights of columns, their standard errors, and the sum of squares of the residual as a share
+    of the variance of y [1]."""
 
     weight: Signal
     error: Signal
@@ -39,11 +40,12 @@ class Fitted(NamedTuple):
 
 
 def stepped(log: PhasedLog) -> Iterator[Fault]:
-    """Channels that step at a level which the partner passes smoothly; not in open circuit, where friction makes the torque.
+    """Channels that step at a level which the partner passes smoothly; not in open circuit, where
+    friction makes the torque.
 
-    The ramps of all payouts count, and the more certain of the steps of both channels. Masses between the sensors add a
-    difference in proportion to the acceleration, which steps where the line does.
-    """
+    The ramps of all payouts count, and the more certain of the steps of both channels. Masses
+    between the sensors add a difference in proportion to the acceleration, which steps where the
+    line does."""
     cycles = [k for k in log.phased.chosen() if not log.phased.cycles[k].begins_inside]
     spans = [(log.phased.cycles[k].onset, log.phased.cycles[k].payout_end) for k in cycles]
     for first, second, degree in () if log.run.open_circuit else PARTNERS:
@@ -64,8 +66,8 @@ def stepped(log: PhasedLog) -> Iterator[Fault]:
 def ramp_of(log: PhasedLog, k: int, partners: tuple[str, str], *, of_line: bool) -> Signal:
     """Samples of one payout outside its plateau, whose noise would set the slope, (m, n).
 
-    Rows are both channels, what the tension at rest grows with, and the slopes of velocity and both channels.
-    """
+    Rows are both channels, what the tension at rest grows with, and the slopes of velocity and both
+    channels."""
     channels, limits, cycle, plateau = (
         log.run.channels,
         log.rig.thresholds,
@@ -116,12 +118,13 @@ def fit(columns: Signal, y: Signal) -> Fitted | None:
 
 
 def largest_step(y: Signal, smooth: Signal, zero: float) -> tuple[float, float, float, float]:
-    """The most certain step of y: in standard errors, as a share of the largest value, its size, and its level; else zeros.
+    """The most certain step of y: in standard errors, as a share of the largest value, its size,
+    and its level; else zeros.
 
-    y, (n,), is fitted by smooth columns, (m, n), and a step at the level by which the residual divides most. The level is that
-    which the columns give, so that noise of y chooses no side; that of x does, and a step of its size is none, nor is one that
-    the zero of a sensor explains, or that hides in what the columns leave. At half of the scale, a gain is twice its step.
-    """
+    y, (n,), is fitted by smooth columns, (m, n), and a step at the level by which the residual
+    divides most. The level is that which the columns give, so that noise of y chooses no side; that
+    of x does, and a step of its size is none, nor is one that the zero of a sensor explains, or
+    that hides in what the columns leave. At half of the scale, a gain is twice its step."""
     course = fit(smooth, y)
     if course is None or course.residual > FOLLOWS:
         return 0.0, 0.0, 0.0, 0.0

@@ -1,10 +1,12 @@
-"""Relations between the channels of a log and its motion: at which lag each channel follows what it depends on.
+"""Relations between the channels of a log and its motion: at which lag each channel follows what it
+depends on.
 
-Every relation is a law y = f(x) without a fitted model of the machine. Displacement is the integral of the velocity. The
-generator voltage is a function of the speed of the rotor. Torque, and a line tension without one, is such a function and the
-acceleration times an inertia: that of the rotor, and that of the charge in the DC capacitor. Line tension follows the torque,
-and the current the voltage. The rotor is behind the line by the twist of the loaded shaft, and Vdc by R C of its source.
-"""
+Every relation is a law y = f(x) without a fitted model of the machine. Displacement is the integral
+of the velocity. The generator voltage is a function of the speed of the rotor. Torque, and a line
+tension without one, is such a function and the acceleration times an inertia: that of the rotor,
+and that of the charge in the DC capacitor. Line tension follows the torque, and the current the
+voltage. The rotor is behind the line by the twist of the loaded shaft, and Vdc by R C of its
+source."""
 
 from __future__ import annotations
 
@@ -28,39 +30,46 @@ WIDE = 2.0
 """Half width of a 95 % interval in standard uncertainties (GUM G.6.6). [1]"""
 
 REACH = 4.0
-"""Largest lag that is sought, as a share of the width that smooths the velocity, as all times here. [1]"""
+"""Largest lag that is sought, as a share of the width that smooths the velocity, as all times here.
+[1]"""
 
 
 UNKNOWN_MACHINE = 7 / 60
-"""The same where the rig file lacks stiffness of the shaft or DC capacitor: a rotor lags by up to half of the width. [1]"""
+"""The same where the rig file lacks stiffness of the shaft or DC capacitor: a rotor lags by up to
+half of the width. [1]"""
 
 OF_DELAY = 0.25
 """Standard uncertainty of a delay by physics, as a share of it. [1]"""
 
 OF_INERTIA = 0.15
-"""Standard uncertainty of the inertia of rotor and capacitor together: 10 % of the capacitor, and its source. [1]"""
+"""Standard uncertainty of the inertia of rotor and capacitor together: 10 % of the capacitor, and
+its source. [1]"""
 
 FOLLOWS = 0.1
-"""A signal follows a law if the residual is less than this share of what its columns beside the motion leave. [1]"""
+"""A signal follows a law if the residual is less than this share of what its columns beside the
+motion leave. [1]"""
 
 OF_DRUM = 0.5
-"""Standard uncertainty of the inertia between force cell and torque sensor: line and chain move with the drum. [1]"""
+"""Standard uncertainty of the inertia between force cell and torque sensor: line and chain move
+with the drum. [1]"""
 
 HOLDS = 0.03
-"""A law holds if the residual is less than this share of the range of the channel: a quarter of it noise of the channel. [1]"""
+"""A law holds if the residual is less than this share of the range of the channel: a quarter of it
+noise of the channel. [1]"""
 
 SAME_TIME = 1 / 6
 """Smallest lag that is reported: energies change by more than 0.5 %. [1]"""
 
 INERTIA = 1 / 4
-"""The same of torque and tension behind the motion: an inertia of five times its stated value moves them by a tenth. [1]"""
+"""The same of torque and tension behind the motion: an inertia of five times its stated value moves
+them by a tenth. [1]"""
 
 
 class Law(NamedTuple):
-    """One row of the table: y, x, name of the law, its columns, how many of these are no motion, what it leaves out as a share
-    of the range of y [1], the least lag that is reported [1], the standard uncertainty of a lag by what the law leaves out [1],
-    and whether x is the speed of the rotor.
-    """
+    """One row of the table: y, x, name of the law, its columns, how many of these are no motion,
+    what it leaves out as a share of the range of y [1], the least lag that is reported [1], the
+    standard uncertainty of a lag by what the law leaves out [1], and whether x is the speed of the
+    rotor."""
 
     y: str
     x: str
@@ -74,7 +83,8 @@ class Law(NamedTuple):
 
 
 CUBIC = 0.004
-"""What a cubic leaves out of torque or voltage of a machine with commutation, as a share of their range. [1]"""
+"""What a cubic leaves out of torque or voltage of a machine with commutation, as a share of their
+range. [1]"""
 
 SPEED = ("v", "v2", "v3")
 
@@ -106,10 +116,11 @@ def relations_of(log: PhasedLog) -> tuple[Relation, ...]:
 
 
 def _twist(log: PhasedLog, payouts: Sequence[Payout]) -> bool:
-    """Give the rotor laws the speed of the rotor: that of the line without the rate at which the loaded shaft winds up.
+    """Give the rotor laws the speed of the rotor: that of the line without the rate at which the
+    loaded shaft winds up.
 
-    The torque itself is placed by its own law first. False where torque or stiffness of the shaft are unknown.
-    """
+    The torque itself is placed by its own law first. False where torque or stiffness of the shaft
+    are unknown."""
     stiffness, radius, width = log.rig.drivetrain.k_shaft, log.rig.r_drum, log.rig.thresholds.smoothing
     law = next(law for law in LAWS if law.y == "torque")
     if not payouts or "torque" not in payouts[0].signals or stiffness is None or radius is None:
@@ -171,7 +182,8 @@ def late(log: PhasedLog, relations: Sequence[Relation]) -> Iterator[Fault]:
 
 
 def payouts_of(log: PhasedLog) -> list[Payout]:
-    """The payouts on their grids, with all that the laws need; in open circuit up to the braking, where the clutch opens."""
+    """The payouts on their grids, with all that the laws need; in open circuit up to the braking,
+    where the clutch opens."""
     phased, run, width = log.phased, log.run, log.rig.thresholds.smoothing
     names = ("velocity", "displacement", "torque", "force", "pressure", *(() if idles(log) else ("vdc", "idc")))
     channels = {name: run.channels[name] for name in names if name in run.channels}
@@ -189,8 +201,8 @@ def payouts_of(log: PhasedLog) -> list[Payout]:
 
 
 def _complete(payout: Payout, rotor: Signal, v_onset: float) -> None:
-    """Add what laws are made of: powers of the speed of the rotor and of the torque, acceleration, travel, and what a line at
-    rest depends on.
+    """Add what laws are made of: powers of the speed of the rotor and of the torque, acceleration,
+    travel, and what a line at rest depends on.
 
     Parameters
     ----------
@@ -231,7 +243,8 @@ def _estimate(log: PhasedLog, payouts: Sequence[Payout], law: Law, *, known: boo
 
 
 def _gain(log: PhasedLog, payouts: Sequence[Payout], law: Law) -> tuple[float | None, float | None]:
-    """Travel of the displacement over that of the velocity, or Idc over Vdc / R, and its standard uncertainty; else None."""
+    """Travel of the displacement over that of the velocity, or Idc over Vdc / R, and its standard
+    uncertainty; else None."""
     ratios, load = np.empty(0), log.run.load
     if law.law == "integral":
         ends = [(p.inside[[0, -1]], p.signals) for p in payouts]
@@ -243,10 +256,11 @@ def _gain(log: PhasedLog, payouts: Sequence[Payout], law: Law) -> tuple[float | 
 
 
 def _of_rotor(log: PhasedLog) -> Known | None:
-    """Torque per acceleration of the line: of the rotor, and of the charge of the DC capacitor; None where unknown.
+    """Torque per acceleration of the line: of the rotor, and of the charge of the DC capacitor;
+    None where unknown.
 
-    The current that charges the capacitor takes the torque that the load takes for the same current.
-    """
+    The current that charges the capacitor takes the torque that the load takes for the same
+    current."""
     train, radius, capacity = log.rig.drivetrain, log.rig.r_drum, log.rig.dc_link.c_dc
     if train.inertia_rotor is None or train.gear_ratio is None or radius is None:
         return None
@@ -260,7 +274,8 @@ def _of_rotor(log: PhasedLog) -> Known | None:
 
 
 def _of_drum(log: PhasedLog) -> Known | None:
-    """Line tension per acceleration of the line by the inertia of the drum; None where that is unknown."""
+    """Line tension per acceleration of the line by the inertia of the drum; None where that is
+    unknown."""
     inertia, radius = log.rig.winch.inertia, log.rig.r_drum
     if inertia is None or radius is None or inertia.value <= 0.0:
         return None
@@ -273,7 +288,8 @@ INERTIAS = {("torque", "engagement"): _of_rotor, ("force", "transmission"): _of_
 
 
 def _delay(log: PhasedLog, channel: str, *, known: bool) -> tuple[float, float]:
-    """Delay of a channel behind the rotor by the charge of the capacitor, and its uncertainty. [s]"""
+    """Delay of a channel behind the rotor by the charge of the capacitor, and its uncertainty.
+    [s]"""
     delay, resistance, capacity = 0.0, _source(log), log.rig.dc_link.c_dc
     if channel == "vdc":
         known = known and capacity is not None and resistance is not None
@@ -282,7 +298,8 @@ def _delay(log: PhasedLog, channel: str, *, known: bool) -> tuple[float, float]:
 
 
 def wound(log: PhasedLog) -> float:
-    """Time by which the twist of the loaded shaft delays the generator, 0 where torque or shaft are unknown. [s]"""
+    """Time by which the twist of the loaded shaft delays the generator, 0 where torque or shaft are
+    unknown. [s]"""
     stiffness, radius, torque = log.rig.drivetrain.k_shaft, log.rig.r_drum, log.run.channels.get("torque")
     if stiffness is None or radius is None or torque is None:
         return 0.0
@@ -290,7 +307,8 @@ def wound(log: PhasedLog) -> float:
 
 
 def _source(log: PhasedLog) -> float | None:
-    """Resistance of machine, bridge and load that charges the capacitor: copper, commutation, and load beside them. [ohm]"""
+    """Resistance of machine, bridge and load that charges the capacitor: copper, commutation, and
+    load beside them. [ohm]"""
     machine, radius, gear = log.rig.generator, log.rig.r_drum, log.rig.drivetrain.gear_ratio
     if machine.r_s is None or machine.l_s is None or machine.pole_pairs is None or radius is None or gear is None:
         return None

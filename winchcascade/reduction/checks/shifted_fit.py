@@ -1,9 +1,9 @@
-"""The lag at which a signal follows a law: a linear fit of the columns of the law at every shift of the signal.
+"""The lag at which a signal follows a law: a linear fit of the columns of the law at every shift of
+the signal.
 
-All signals of a payout are averaged over the cells of one even grid and smoothed alike, so that neither moves one of them
-against another. A weight that is known beforehand, as the rig file gives the inertia, enters as one more equation; a log that
-contradicts it is fitted without it.
-"""
+All signals of a payout are averaged over the cells of one even grid and smoothed alike, so that
+neither moves one of them against another. A weight that is known beforehand, as the rig file gives
+the inertia, enters as one more equation; a log that contradicts it is fitted without it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ GRID = 1 / 12
 """Smallest step of the grid, as a share of the width that smooths the velocity. [1]"""
 
 POINTS = 600
-"""Number of points of all payouts together in a fit; more of them repeat what their neighbours show."""
+"""Number of points of all payouts together in a fit; more of them repeat what their neighbours
+show."""
 
 MIN_POINTS = 20
 """Minimum number of points that shows how one signal follows others."""
@@ -31,21 +32,23 @@ RANK = 1e-6
 """Smallest singular value of a law over the largest: less is rounding. [1]"""
 
 MOVES = 0.3
-"""Smallest variance of a signal at a shift, as a share of that without: with less it is shifted to its rest, which any law
-fits. [1]"""
+"""Smallest variance of a signal at a shift, as a share of that without: with less it is shifted to
+its rest, which any law fits. [1]"""
 
 CORNERS = 4.0
 """Number of independent places in a payout that show a lag: the ends of both ramps."""
 
 CONTRADICTS = 6.0
-"""A known weight is contradicted if minus twice the log likelihood falls by this without it: once in 70 logs by chance. [1]"""
+"""A known weight is contradicted if minus twice the log likelihood falls by this without it: once
+in 70 logs by chance. [1]"""
 
 
 class Payout(NamedTuple):
-    """Signals of one payout on an even grid: times of its points [s], their step [s], and the points that are compared, (j,).
+    """Signals of one payout on an even grid: times of its points [s], their step [s], and the
+    points that are compared, (j,).
 
-    The grid goes on beyond these, so that signals can be shifted. `braking` is the number of points before the braking.
-    """
+    The grid goes on beyond these, so that signals can be shifted. `braking` is the number of points
+    before the braking."""
 
     t: Signal
     step: float
@@ -55,16 +58,17 @@ class Payout(NamedTuple):
 
 
 class Known(NamedTuple):
-    """Weight of the last column of a law with its standard uncertainty, as the rig file gives it."""
+    """Weight of the last column of a law with its standard uncertainty, as the rig file gives
+    it."""
 
     weight: float
     u: float
 
 
 class Shift(NamedTuple):
-    """Lag of a signal with its standard uncertainty [s], the residual as a share of what the columns beside the motion leave
-    [1], and its standard deviation as a share of the range of the signal [1].
-    """
+    """Lag of a signal with its standard uncertainty [s], the residual as a share of what the
+    columns beside the motion leave [1], and its standard deviation as a share of the range of the
+    signal [1]."""
 
     lag: float
     u: float
@@ -120,7 +124,8 @@ def shifted(
     name : of the signal
     reach : largest lag [s]
     beside : number of columns, the first ones, that are no motion
-    left_out : standard deviation of what the law leaves out, as a share of the range of the signal [1]
+    left_out : standard deviation of what the law leaves out, as a share of the range of the signal
+        [1]
     known : weight of the last column, which is not negative
     """
     step = payouts[0].step
@@ -162,9 +167,8 @@ def _squares(basis: Signal, y: Signal) -> Signal:
 
 
 class _Fit(NamedTuple):
-    """Sums of squares at every shift, (k,), and variance of a residual that counts as one sum of its own, at the best one;
-    weights of the columns there.
-    """
+    """Sums of squares at every shift, (k,), and variance of a residual that counts as one sum of
+    its own, at the best one; weights of the columns there."""
 
     squares: Signal
     variance: float
@@ -172,7 +176,8 @@ class _Fit(NamedTuple):
 
 
 def _least_squares(law: Signal, y: Signal, left_out: float, least: float) -> _Fit:
-    """Fit columns, (n, m), to a signal at k shifts, (n, k). The residual is correlated, so that fewer points count.
+    """Fit columns, (n, m), to a signal at k shifts, (n, k). The residual is correlated, so that
+    fewer points count.
 
     Parameters
     ----------
@@ -194,7 +199,8 @@ def _least_squares(law: Signal, y: Signal, left_out: float, least: float) -> _Fi
 
 
 def _vertex(chi: Signal, best: int) -> tuple[float, float]:
-    """Place of the minimum beside the best shift, and the distance at which chi squared rises by 1. [shifts]"""
+    """Place of the minimum beside the best shift, and the distance at which chi squared rises by 1.
+    [shifts]"""
     if not 0 < best < chi.size - 1:
         return 0.0, float(chi.size)
     before, after = float(chi[best - 1]), float(chi[best + 1])
