@@ -26,7 +26,7 @@ from winchcascade.diagnosis.judge import closure
 from winchcascade.ingest.checks import agreement, faults, lost_rows, samples, sensors
 from winchcascade.reduction import efficiency_between_runs as between_runs
 from winchcascade.reduction import efficiency_changes, energies, gap_error, phases, wave_bootstrap
-from winchcascade.reduction.checks import at_rest, cycles, load, pairs, phased_log
+from winchcascade.reduction.checks import at_rest, bounds, cycles, load, phased_log, relations
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.simulate import READ, Simulation
 from winchcascade.rig.steps import COARSE, STEP
@@ -74,7 +74,12 @@ CHECKED = {
     "`clock_mismatch` ": (PERCENT * agreement.UNIT, agreement.GAIN_MAX),
     "`out_of_range`": (sensors.MIN_REPEATS, PERCENT * agreement.GAIN, agreement.CERTAIN_U),
     "`load_mismatch`": (accuracy.CERTAIN, PERCENT * load.MISMATCH, load.SAME_NOISE),
-    "`channel_lag`": (accuracy.CERTAIN, WIDTH * pairs.SAME_TIME, WIDTH * pairs.OF_THE_MACHINE),
+    "`channel_lag`": (accuracy.CERTAIN, WIDTH * relations.SAME_TIME, WIDTH * relations.INERTIA),
+    "`gain_mismatch`": (accuracy.CERTAIN, PERCENT * bounds.POWER, PERCENT * bounds.VOLTAGE),
+    "## Relations": (
+        WIDTH * relations.REACH, 1e3 * WIDTH * relations.UNKNOWN_MACHINE, PERCENT * relations.HOLDS,
+        *(1e3 * WIDTH * law.u for law in relations.LAWS),
+    ),
     "`zero_offset`": (at_rest.TIME_CONSTANTS, accuracy.CERTAIN),
     "`gain_step`": (PERCENT * phased_log.REPORTED / 2.0, accuracy.CERTAIN + 1.0),
     "`dead_channel`": (cycles.OPPOSED,),

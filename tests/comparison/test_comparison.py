@@ -97,7 +97,7 @@ def test_the_parts_are_those_of_the_budgets(found: Comparison) -> None:
 
 def test_common_sensors_narrow_the_interval(found: Comparison, place: Path) -> None:
     same = compare(place / "before", place / "after", same_sensors=True)
-    assert same.shared == ("force", "idc", "torque", "vdc")
+    assert same.shared == ("force", "idc", "timing", "torque", "vdc")
     for metric in ("eta_gen", "eta_pto"):
         wide, narrow = (of(one, "36 ohm", metric) for one in (found, same))
         assert narrow.value == wide.value
@@ -109,7 +109,7 @@ def test_a_zero_that_only_limits_bound_does_not_average_out_over_the_logs_of_a_s
     tmp_path: Path, fixtures: Path
 ) -> None:
     """Of three repeats on a side, the zero of the force cell acts as on one, unless it is set anew in each log."""
-    sensor = '[sensors.force]\nunit = "N"\nhigh = 20000\naccuracy_full_scale = 0.002\n'
+    sensor = '[sensors.force]\nunit = "N"\nhigh = 20000\naccuracy_full_scale = 0.002\nu_lag = 0\n'
     ratio = {}
     for basis, more in (("limits", ""), ("in place", "u_zero = 23\nu_gain = 0\n")):
         found = []

@@ -21,6 +21,9 @@ DESERVED = {"rig_assumed", "thresholds_assumed", "phase_source", "incomplete_cyc
 """Findings that campaigns with labels deserve: some name no rig, one states no thresholds of its rig, one has waves without a
 rest, one states a wrong load."""
 
+LATE = ("channel_lag", "vdc")
+"""Finding that the campaign of a lag of Vdc and Idc deserves."""
+
 Named = Iterator[tuple[str, Result, Result | None, Mapping[str, Signal]]]
 """Name, result, result of the same motion at a high rate if that is known, and the channels in the units of the file."""
 
@@ -125,4 +128,4 @@ def deserved(finding: Finding, true: Result | None, coarse: bool, channels: Mapp
         return bool(np.max(channels[finding.channel]) > LIMITS[finding.channel])
     if finding.kind == "slack_line":
         return bool(np.min(channels["force"]) < 0.0)
-    return true is None and finding.kind in DESERVED
+    return true is None and (finding.kind in DESERVED or (finding.kind, finding.channel) == LATE)

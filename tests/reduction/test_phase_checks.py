@@ -97,6 +97,11 @@ COARSE = [
     (stepped(c, step), ("coarse_resolution", c))
     for c, step in (("velocity", 0.05), ("force", 50.0), ("torque", 4.0), ("vdc", 5.0), ("idc", 0.1), ("idc", 0.5))
 ]  # fmt: skip
+TOGETHER = [
+    (late(s, *names), ("channel_lag", names[0]))
+    for s in (-0.6, -0.2, 0.2, 0.6)
+    for names in (("vdc", "idc"), ("torque", "force"))
+]
 UNDER_LOAD = [(added("idc", 0.2, 0.1), ("gain_step", None)), (added("torque", 15.0, 0.4), ("gain_step", None))]
 
 
@@ -106,7 +111,7 @@ def test_a_log_without_a_fault_has_no_finding(name: str) -> None:
     assert kinds(reduce(clean(name), window="payout")) == []
 
 
-@pytest.mark.parametrize(("maker", "expected"), [*LAGS, *STEPS, *ZEROS, *SLOW, *COARSE, *UNDER_LOAD])
+@pytest.mark.parametrize(("maker", "expected"), [*LAGS, *TOGETHER, *STEPS, *ZEROS, *SLOW, *COARSE, *UNDER_LOAD])
 @pytest.mark.parametrize("name", ["r45ohm", "r18ohm"])
 def test_a_fault_is_found_with_its_kind_and_channel(name: str, maker: Maker, expected: tuple[str, str | None]) -> None:
     found = kinds(of(name, changed(clean(name), **maker(clean(name)))))
@@ -115,7 +120,7 @@ def test_a_fault_is_found_with_its_kind_and_channel(name: str, maker: Maker, exp
 
 @pytest.mark.parametrize(
     "maker",
-    [late(0.08, "velocity"), late(-0.08, "idc"), late(0.08, "force"), late(0.2, "vdc", "idc"), gained("force", 0.003),
+    [late(0.08, "velocity"), late(-0.08, "idc"), late(0.08, "force"), late(0.08, "vdc", "idc"), gained("force", 0.003),
      added("torque", 0.6), added("force", 40.0), drifting("force", 5.0), stepped("velocity", 0.004), stepped("idc", 0.02)],
 )  # fmt: skip
 def test_less_than_physics_accuracy_and_noise_allow_is_no_fault(maker: Maker) -> None:

@@ -69,6 +69,11 @@ def channels_of_run36(**changed: Signal) -> Run:
     return msgspec.structs.replace(run36(), channels=dict(run36().channels) | changed)
 
 
+def untimed(reduction: Reduction) -> Reduction:
+    """The reduction of a log whose channels are known to be recorded at one time."""
+    return msgspec.structs.replace(reduction, relations=())
+
+
 def none_of(part: Metrics) -> set[str]:
     return {m for m in METRICS if part[m] is None}
 
@@ -99,7 +104,7 @@ def metrics_of(errors: dict[tuple[str, str], Uncertain], begin: float, end: floa
 @pytest.mark.parametrize(("window", "moving"), [(5.48, True), ("auto", False)])
 def test_cycles_means_rows_and_freedom_are_those_of_gtc(window: WindowRule, moving: bool) -> None:
     """Windows of one length and of several, errors of one stage and one that two stages share."""
-    reduction = reduce(run36(), rig=rig_with(velocity=VELOCITY) if moving else LIMITED, window=window)
+    reduction = untimed(reduce(run36(), rig=rig_with(velocity=VELOCITY) if moving else LIMITED, window=window))
     limits, ours = WITH_VELOCITY if moving else LIMITS, budget(reduction)
     errors = {key: GTC.ureal(0.0, limit / math.sqrt(3.0)) for key, limit in limits.items()}
     spans = [(c.window.onset, c.window.cutoff) for c in reduction.cycles]
@@ -166,7 +171,7 @@ def test_an_error_of_the_drum_radius_acts_on_what_the_motion_needs_it_for(motion
     exact = {name: Sensor(s.unit, u_gain=1e-9) for name, s in built_in().sensors.items()}
     rig = msgspec.structs.replace(built_in(), winch=winch, sensors=exact)
     run = channels_of_run36(torque=run36().channels["torque"] / R_DRUM)
-    reduction = reduce(run, rig=rig, window=5.48, cycles=(1, 1))
+    reduction = untimed(reduce(run, rig=rig, window=5.48, cycles=(1, 1)))
     found = uncertainty(reduction)
     (row,) = (r for r in found.budget.rows if r.source is not None and r.source.channel == "r_drum")
     assert row.source is not None
@@ -197,7 +202,7 @@ def test_the_errors_of_a_power_that_is_a_sum_change_it_as_a_log_that_is_read_too
     rig = msgspec.structs.replace(
         rig_with(vdc=Sensor("V", accuracy=0.5), idc=Sensor("A", accuracy_reading=0.01)), cascade=cascade
     )
-    plain = reduce(run36(), rig=rig, window=5.48)
+    plain = untimed(reduce(run36(), rig=rig, window=5.48))
     rows = [
         (row.source, row.of) for row in budget(plain).rows if row.source is not None and row.source.channel != "force"
     ]
@@ -248,7 +253,7 @@ def with_one_error(n: int, limit: float, pulled: Signal | float = 1.0) -> tuple[
     run = run_of(t, amplified(channels, {"force": np.broadcast_to(pulled, n)}))
     sensors = {name: Sensor(unit, u_gain=1e-9) for name, unit in (("torque", "N.m"), ("vdc", "V"), ("idc", "A"))}
     rig = msgspec.structs.replace(built_in(), sensors=sensors | {"force": Sensor("N", accuracy=limit)})
-    found = reduce(run, rig=rig, window=LENGTH)
+    found = untimed(reduce(run, rig=rig, window=LENGTH))
     force, v, spans = (
         run.channels["force"],
         run.channels["velocity"],

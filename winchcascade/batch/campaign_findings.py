@@ -10,6 +10,7 @@ from winchcascade.core.run import Finding
 from winchcascade.reduction.efficiency import FIELDS, RATIOS
 from winchcascade.reduction.efficiency_between_runs import Apart, LogEfficiency, logs_apart
 from winchcascade.reduction.efficiency_changes import LOOK_AT
+from winchcascade.reduction.lags_between_runs import LagBetween, lags_between
 from winchcascade.reduction.phase_summary import PayoutSummary
 from winchcascade.reduction.run_record import CycleRecord, FindingRecord, RunRecord, finding_record
 
@@ -17,14 +18,14 @@ from winchcascade.reduction.run_record import CycleRecord, FindingRecord, RunRec
 def log_efficiency(name: str, record: RunRecord) -> LogEfficiency | None:
     """Take the efficiencies of a log, their speed and power from the record of its reduction; None without a complete cycle.
 
-    Errors of the gains are common to a campaign and do not count in the uncertainty.
+    Errors of gains and lags are common to a campaign and do not count in the uncertainty.
     """
     payouts = [cycle.phase_summary.payout for cycle in record.cycles if cycle.complete]
     if not payouts:
         return None
     speeds = [_speed(payout) for payout in payouts]
     log, parts = record.log, record.uncertainty
-    own = [row.contribution for row in parts.budget if row.part != "gain"] + [parts.repeatability]
+    own = [row.contribution for row in parts.budget if row.part not in ("gain", "lag")] + [parts.repeatability]
     return LogEfficiency(
         name=name,
         kind=(record.rig_name, record.window == "payout", bool(log.simulated)),
@@ -36,6 +37,7 @@ def log_efficiency(name: str, record: RunRecord) -> LogEfficiency | None:
         cycles=frozenset()
         if record.window == "whole"
         else frozenset(_energies(cycle) for cycle in record.cycles if cycle.complete),
+        relations=record.relations,
     )
 
 
@@ -53,9 +55,24 @@ def _speed(payout: PayoutSummary) -> float:
 
 
 def findings_between(logs: Iterable[LogEfficiency | None]) -> list[tuple[str, FindingRecord]]:
-    """Names and findings of the logs whose efficiency lies far from the others, and of those that hold cycles of others."""
+    """Names and findings of the logs whose efficiency or lags lie far from the others, and of those that hold cycles of others.
+
+    A lag that all share is reported with the first of them.
+    """
     known = [log for log in logs if log is not None]
-    return [*((apart.name, _finding(apart)) for apart in logs_apart(known)), *_copies(known)]
+    lags = lags_between({log.name: log.relations for log in known})
+    return [*((apart.name, _finding(apart)) for apart in logs_apart(known)), *map(_lag, lags), *_copies(known)]
+
+
+def _lag(found: LagBetween) -> tuple[str, FindingRecord]:
+    """Report a lag of one log beside the others, or one that all of them share."""
+    r, shared = found.relation, len(found.names) > 1
+    low, high = (abs(found.lag) + side * 2.0 * found.u for side in (-1.0, 1.0))
+    side = "behind" if found.lag > 0.0 else "ahead of"
+    where = f"in all {found.all} logs" if shared else f"beside the other {found.all - 1} logs"
+    message = f"lag of {r.y}: {abs(found.lag):.3f} s {side} {r.x} {where} (95 % interval {low:.3f} to {high:.3f} s)"
+    action = "kept as logged; check filters and clocks of their loggers"
+    return found.names[0], finding_record(Finding("channel_lag", message, action, r.y), samples=1)
 
 
 def _copies(logs: Sequence[LogEfficiency]) -> Iterator[tuple[str, FindingRecord]]:

@@ -13,6 +13,7 @@ from winchcascade.core.cascade import Cascade, field_of
 from winchcascade.core.errors import WinchcascadeError
 from winchcascade.reduction.campaign_record import configured_cascade
 from winchcascade.reduction.run_record import CycleRecord, Numbers, RunRecord, UncertaintyRecord
+from winchcascade.reduction.timing import TIMING
 from winchcascade.reduction.uncertainty import SAMPLING
 
 
@@ -172,7 +173,7 @@ def _gains(
     found: dict[str, Gain] = {}
     for row in parts.budget:
         by_accuracy = row.part == "zero" and row.basis in ("limits", "expanded_uncertainty")
-        if not (by_accuracy or row.part == "gain") or row.source == SAMPLING:
+        if not (by_accuracy or row.part in ("gain", "lag")) or row.source == SAMPLING:
             continue
         error = f"{row.source}, zero" if by_accuracy else row.source
         before = found.get(error, Gain(0.0, {}))
@@ -188,7 +189,8 @@ def _gains(
 def _measures(parts: UncertaintyRecord, cascade: Cascade) -> dict[str, frozenset[str]]:
     """Channels, and the drum radius, whose errors act on each energy of a window."""
     return {
-        m: frozenset(row.source for row in parts.budget if row.part and row.contribution.get(field_of(m))) - {SAMPLING}
+        m: frozenset(row.source for row in parts.budget if row.part and row.contribution.get(field_of(m)))
+        - {SAMPLING, TIMING}
         for m in cascade.energies
     }
 

@@ -22,6 +22,7 @@ import msgspec
 
 from winchcascade.comparison.compared_run import ComparedRun, scatter_of
 from winchcascade.core.accuracy import Interval, Scatter, effective_freedom, interval_95
+from winchcascade.reduction.timing import TIMING
 
 SAME = 1e-6
 """Relative difference up to which two standard uncertainties of a gain are the same number. [1]"""
@@ -186,5 +187,7 @@ def shared_gains(a: Sequence[ComparedRun], b: Sequence[ComparedRun]) -> tuple[fr
         for name, gain in run.gains.items():
             if gain.sharable:
                 stated.setdefault(name, []).append(gain.u)
-    unlike = {name for name, found in stated.items() if max(found) - min(found) > SAME * max(found)}
+    # Each log has its own uncertainty of the lags of one logger.
+    alike = {name: found for name, found in stated.items() if name != TIMING}
+    unlike = {name for name, found in alike.items() if max(found) - min(found) > SAME * max(found)}
     return frozenset(stated) - unlike, tuple(sorted(unlike))

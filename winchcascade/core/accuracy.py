@@ -13,11 +13,13 @@ from winchcascade.core.rig_file import Rig, Sensor
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-Part = Literal["zero", "gain", "gap"]
+Part = Literal["zero", "gain", "gap", "lag"]
 Shape = Literal["rectangular", "normal"]
-Basis = Literal["calibration_in_place", "limits", "expanded_uncertainty", "standard_uncertainty", "resampling"]
+Basis = Literal[
+    "calibration_in_place", "limits", "expanded_uncertainty", "standard_uncertainty", "resampling", "relation"
+]
 """What an error is known by: `u_zero` and `u_gain` of a sensor, limits of a maker, an accuracy with a coverage factor, `u` of a
-number of the rig, or samples of the log that are left out."""
+number of the rig, samples of the log that are left out, or how its channels follow the motion."""
 
 LEAKAGE = 2.0
 """Ratio of a current to that of the bleed resistance in open circuit, above which a load is connected. [1]"""
@@ -33,7 +35,8 @@ ACQUISITION = "acquisition system"
 
 
 class ErrorSource(msgspec.Struct, frozen=True):
-    """One source of uncertainty, the same over a whole run: zero [SI unit of the channel] or gain [1] of what is read.
+    """One source of uncertainty, the same over a whole run: zero [SI unit of the channel] or gain [1] of what is read,
+    or lag [s].
 
     `u` is its standard uncertainty; `limit` the half width of a rectangular distribution, None for a normal one; `basis` what
     the rig file states it by.

@@ -105,7 +105,8 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     `accuracy_full_scale` is a share of the end of the range that is farther from zero, `accuracy_reading` of the reading;
     what is stated adds up. Accuracies are limits, or with `coverage` expanded uncertainties of that coverage factor. `daq_...`
     are the same of the acquisition system, which adds an error of its own. `u_zero` and `u_gain` are standard uncertainties of
-    zero and gain of a sensor that was calibrated in place with its acquisition system; each replaces the accuracies.
+    zero and gain of a sensor that was calibrated in place with its acquisition system; each replaces the accuracies. `u_lag` is
+    that of its delay behind the velocity [s], 0 for channels of one logger; it replaces what a log shows of the delay.
     """
 
     unit: str
@@ -122,6 +123,7 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     daq_coverage: _Coverage | None = None
     u_zero: NotNegative | None = None
     u_gain: _Share | None = None
+    u_lag: NotNegative | None = None
     source: str = ""
 
     def __post_init__(self) -> None:

@@ -41,7 +41,8 @@ FindingKind = Literal[
     "rig_assumed", "missing_channel", "derived_channel", "dropped_samples", "not_a_number", "repeated_stamp", "backward_stamp",
     "repeated_rows", "clock_jitter", "out_of_range", "stuck", "spike", "truncated", "unit_assumed", "sign_flipped",
     "slack_line", "incomplete_cycle", "unknown_column", "ambiguous_column", "load_mismatch", "coarse_sampling",
-    "coarse_resolution", "clock_mismatch", "channel_lag", "zero_offset", "gain_step", "stroke_mismatch", "repeated_log",
+    "coarse_resolution", "clock_mismatch", "channel_lag", "zero_offset", "gain_step", "gain_mismatch", "stroke_mismatch",
+    "repeated_log",
     "window_beyond_payout", "phase_source", "unit_conflict", "speed_mismatch", "efficiency_change",
     "efficiency_above_one", "origin_conflict", "dead_channel", "sign_mismatch", "listed_in_parts", "thresholds_assumed",
 ]  # fmt: skip

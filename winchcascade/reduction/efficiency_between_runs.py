@@ -18,6 +18,7 @@ import numpy as np
 from winchcascade.core.integrate import median
 from winchcascade.core.run import Signal
 from winchcascade.reduction.efficiency_changes import ALPHA, PRIOR
+from winchcascade.reduction.reduction_result import Relation
 
 ETA_SCATTER = 0.005
 """Relative standard deviation of an efficiency about these laws that is assumed before any is measured: the repeatability from
@@ -40,7 +41,8 @@ that is so small a share of the largest. [1]"""
 class LogEfficiency(msgspec.Struct, frozen=True):
     """Efficiencies of a log: means with their standard uncertainties without the gains, load [ohm], speed of the
     payouts [m/s] and mechanical power [W]. Only logs of one `kind` (rig, window rule, measured or not) are compared. `cycles`
-    has the energies of each complete cycle to six digits, which two cycles share by being the same one alone.
+    has the energies of each complete cycle to six digits, which two cycles share by being the same one alone; `relations` are
+    how its channels follow its motion.
     """
 
     name: str
@@ -51,6 +53,7 @@ class LogEfficiency(msgspec.Struct, frozen=True):
     eta: Mapping[str, float | None]
     uncertainty: Mapping[str, float | None]
     cycles: frozenset[str] = frozenset()
+    relations: tuple[Relation, ...] = ()
 
 
 class Apart(msgspec.Struct, frozen=True):

@@ -24,6 +24,7 @@ from winchcascade.reduction.bins import Bin, bins_of
 from winchcascade.reduction.checks.find_faults import find_faults
 from winchcascade.reduction.checks.load import measured_load
 from winchcascade.reduction.checks.phased_log import PhasedLog
+from winchcascade.reduction.checks.relations import relations_of
 from winchcascade.reduction.checks.sampling import sampled, thinned_changes
 from winchcascade.reduction.efficiency import Metrics, metrics, together
 from winchcascade.reduction.energies import Energies, find_net_spans, integrate_energies, net_metrics
@@ -110,7 +111,8 @@ def reduce(
     thinned = thinned_changes(phased, energy)
     results = _results(phased, summaries, energy, findings)
     log = PhasedLog(phased, summaries, energy, thinned, results)
-    findings += find_faults(log)
+    relations = relations_of(log)
+    findings += find_faults(log, relations)
     complete = [r.metrics for r in results if r.complete]
     duration = sum(r.window.cutoff - r.window.onset for r in results if r.complete)
     mean, deviation, total = together(complete, duration, open_circuit=run.open_circuit, cascade=rig.cascade)
@@ -127,6 +129,7 @@ def reduce(
         bridged=energy.bridged,
         sampled=sampled(thinned, energy),
         measured_load=measured_load(log),
+        relations=relations,
     )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import msgspec
 
+from winchcascade.core.accuracy import CERTAIN
 from winchcascade.core.rig_file import Rig, WindowRule
 from winchcascade.core.run import Finding, Run
 from winchcascade.core.viewed import Viewed
@@ -16,6 +17,9 @@ from winchcascade.reduction.energies import NetSpan
 from winchcascade.reduction.phase_summary import BothWays, PhaseSummary
 from winchcascade.reduction.phased_run import Window
 from winchcascade.reduction.phases import Cycle
+
+REMAINS = 1.5
+"""Standard uncertainties that a lag may be away from zero before its u grows with it: 13 % of true zeros are farther. [1]"""
 
 
 class CycleResult(msgspec.Struct, frozen=True):
@@ -48,6 +52,42 @@ class MeasuredLoad(msgspec.Struct, frozen=True):
     u: float
 
 
+RELATION = {"lag": "lag_s", "u": "lag_u_s", "u_law": "lag_u_law_s", "least": "lag_limit_s", "u_gain": "gain_u"}
+"""Names of the fields of a relation in written files."""
+
+
+class Relation(msgspec.Struct, frozen=True, rename=RELATION):
+    """How a channel y follows another one, x, by a law.
+
+    Parameters
+    ----------
+    lag : of y behind x beyond what physics explains [s]
+    u, u_law : its standard uncertainty, and what of that the logs of a rig share [s]
+    least : smallest lag that is reported [s]
+    gain, u_gain : y over what the law gives without a fit, and its standard uncertainty [1]; None where the law has no size
+    """
+
+    y: str
+    x: str
+    law: str
+    lag: float
+    u: float
+    u_law: float
+    least: float
+    gain: float | None = None
+    u_gain: float | None = None
+
+    @property
+    def deviates(self) -> bool:
+        """Whether the lag is a finding."""
+        return abs(self.lag) >= max(self.least, CERTAIN * self.u)
+
+    @property
+    def u_remaining(self) -> float:
+        """Standard uncertainty of a channel that is not shifted: a lag that exceeds its u remains in what is reduced. [s]"""
+        return max(self.u, abs(self.lag) / REMAINS)
+
+
 class Reduction(Viewed, frozen=True):
     """Result of the reduction of a log: every cycle, their mean and repeatability, and powers over generator speed.
 
@@ -64,6 +104,7 @@ class Reduction(Viewed, frozen=True):
     bridged : of each stage that has gaps, what bridging them could have changed of the energy of each cycle [J]
     sampled : where the sampling is not clearly fine, what every second or third sample alone changes of the energy [J]
     measured_load : Vdc / Idc, whatever load is stated
+    relations : how its channels follow its motion
     """
 
     run: Run
@@ -78,6 +119,7 @@ class Reduction(Viewed, frozen=True):
     bridged: Mapping[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
     sampled: Mapping[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
     measured_load: MeasuredLoad | None = None
+    relations: tuple[Relation, ...] = ()
 
     def __repr__(self) -> str:
         """One line instead of every number."""

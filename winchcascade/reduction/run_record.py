@@ -25,7 +25,7 @@ from winchcascade.reduction.bins import STORES, TORQUE, Bin
 from winchcascade.reduction.efficiency import ALL_METRICS, named, ratio
 from winchcascade.reduction.energies import NetSpan
 from winchcascade.reduction.phase_summary import PhaseSummary, mean_plateau_speed
-from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.reduction_result import Reduction, Relation
 from winchcascade.reduction.uncertainty import Uncertainty, shares, uncertainty
 from winchcascade.reduction.wave_energies import WaveEnergies, waves_of
 
@@ -156,6 +156,7 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     uncertainty: UncertaintyRecord
     total: Numbers
     bins: tuple[dict[str, Any], ...]
+    relations: tuple[Relation, ...] = ()
     stages: StagesRecord | UnsetType = UNSET
     cycles_from: str | UnsetType = UNSET
     waves: WaveEnergies | UnsetType = UNSET
@@ -288,6 +289,7 @@ def reduction_entries(reduction: Reduction, found: Uncertainty | None = None) ->
             "undetermined": [*named(dict.fromkeys(known.undetermined), known.undetermined)],
         },
         total: sums,
+        "relations": reduction.relations,
         "bins": [_bin(one, cascade) for one in reduction.bins],
     }
     if cascade.configured:
@@ -340,7 +342,8 @@ def _budget(reduction: Reduction, found: Uncertainty, names: Collection[str]) ->
         of: dict[str, Any] = {"source": "bridged gaps"}
         if (source := row.source) is not None:
             of = {"source": source.channel, "part": source.part}
-            of["unit"] = "1" if source.part == "gain" else si_unit(channels[source.channel].dimension)
+            units = {"gain": "1", "lag": "s"}
+            of["unit"] = units.get(source.part) or si_unit(channels[source.channel].dimension)
             of |= {"distribution": source.shape, "basis": source.basis, "limit": source.limit}
             of |= {"standard_uncertainty": source.u, "from": source.origin}
         rows.append(of | {"contribution": named(row.of, names), "share": named(shares(row.of, mean), names)})

@@ -35,6 +35,7 @@ from winchcascade.core.run import Run, Signal
 from winchcascade.reduction.efficiency import NOTHING, Metrics
 from winchcascade.reduction.energies import SIGN, spans_of
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.timing import lag_rates, lag_sources
 
 R_DRUM, SAMPLING = "r_drum", "sampling"
 """Sources of uncertainty that are no channels: the drum radius, where a rig file states one of it, and what every second or
@@ -114,7 +115,8 @@ class Energy(msgspec.Struct, frozen=True, dict=True):
 
     Parameters
     ----------
-    integrals : (r, k), of the `integrands`, and last the change by thinning the log per unit of the error of the sampling
+    integrals : (r, k), of the `integrands`, the change by thinning the log per unit of the error of the sampling, and that by
+        each lag [J/s]
     t : (k,) length of the spans [s]
     gaps : (k,) standard uncertainty by bridged gaps, independent from span to span [J]
     """
@@ -127,7 +129,8 @@ class Energy(msgspec.Struct, frozen=True, dict=True):
     @cached_property
     def joules(self) -> Signal:
         """Energies as reduced, (k,). [J]"""
-        return np.asarray(factors(self.terms, (), np.empty((0, 1)))[:, 0] @ self.integrals)
+        known = factors(self.terms, (), np.empty((0, 1)))[:, 0]
+        return np.asarray(known @ self.integrals[: known.size])
 
     @property
     def channels(self) -> set[str]:
@@ -156,7 +159,8 @@ def factors(terms: Terms, sources: Sequence[ErrorSource], errors: NDArray[Any]) 
         for name in channels:
             scale = scale / (1.0 + of[name, "gain"])
         found += [math.prod((-of[name, "zero"] for name in zeros), start=scale) for zeros in _subsets(channels)]
-    return np.stack([*found, of[SAMPLING, "gain"]])
+    lags = [error for source, error in zip(sources, errors, strict=True) if source.part == "lag"]
+    return np.stack([*found, of[SAMPLING, "gain"], *lags])
 
 
 @cache
@@ -222,7 +226,18 @@ def error_model(reduction: Reduction) -> ErrorModel:
         sources.append(ErrorSource(SAMPLING, "gain", share / math.sqrt(3.0), share, origin, "resampling"))
         for energy in energies.values():
             energy.integrals[-1] /= share
-    model = ErrorModel(energies, tuple(sources))
+    lags, rates = lag_sources(reduction), lag_rates(reduction, np.concatenate([*spans.values()]))
+    for part, (stage, span) in rig.cascade.parts.items():
+        if part in energies:
+            of = {
+                name: SIGN.get(part, 1.0) * np.split(x, len(spans))[names.index(span)]
+                for name, x in rates[stage].items()
+            }
+            rows = [sum((of[name] for name in moved if name in of), start=nothing) for _, moved in lags]
+            energies[part] = msgspec.structs.replace(
+                energies[part], integrals=np.vstack((energies[part].integrals, *rows))
+            )
+    model = ErrorModel(energies, (*sources, *(source for source, _ in lags)))
     return msgspec.structs.replace(model, weights=_weights(reduction, model))
 
 

@@ -11,6 +11,7 @@ from winchcascade.core.accuracy import ACQUISITION, ErrorSource
 from winchcascade.core.campaign_file import KINDS, Origin, joint_origin
 from winchcascade.core.plain_text import first_of
 from winchcascade.reduction.efficiency import NET_METRICS
+from winchcascade.reduction.timing import TIMING
 from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, Budget, shares
 from winchcascade.report.glossary import CHANNELS, SENSORS
 
@@ -137,7 +138,7 @@ def source_name(source: ErrorSource | None) -> str:
     """Name a source of uncertainty: the sensor and what of it errs."""
     if source is None:
         return "bridged gaps"
-    part = "" if source.channel in (R_DRUM, SAMPLING) else f", {source.part}"
+    part = "" if source.channel in (R_DRUM, SAMPLING, TIMING) else f", {source.part}"
     return _sensor(source) + part + (" (acquisition)" if source.origin == ACQUISITION else "")
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 from winchcascade.core.run import Finding, FindingKind
 from winchcascade.ingest.checks.samples import text_of
-from winchcascade.reduction.checks import at_rest, cycles, load, pairs, sampling
+from winchcascade.reduction.checks import at_rest, bounds, cycles, gain_steps, load, sampling
 from winchcascade.reduction.checks.phased_log import Fault, PhasedLog
+from winchcascade.reduction.checks.relations import late
 from winchcascade.reduction.efficiency_changes import changed_efficiencies
+from winchcascade.reduction.reduction_result import Relation
 
 Check = Callable[[PhasedLog], Iterable[Fault]]
 
@@ -19,8 +21,8 @@ CHECKS: tuple[Check, ...] = (
 """Checks of any log with cycles."""
 
 CHECKS_OF_MOTION: tuple[Check, ...] = (
-    pairs.in_step, at_rest.zeros, load.computed_current, at_rest.force_at_rest, sampling.coarse_sampling,
-    sampling.held_channels, cycles.uneven_strokes, changed_efficiencies,
+    gain_steps.stepped, at_rest.zeros, load.computed_current, at_rest.force_at_rest, sampling.coarse_sampling,
+    sampling.held_channels, bounds.exceeded, cycles.uneven_strokes, changed_efficiencies,
 )  # fmt: skip
 """Checks that need payouts which are alike, and the rests between them."""
 
@@ -55,13 +57,26 @@ FAULTS: dict[str, tuple[FindingKind, str, str]] = {
     ),
     "late": (
         "channel_lag",
-        "{channel} is {seconds:.2f} s behind {early} (standard uncertainty {u:.3f} s); expected less than {least:.2g} s",
+        "lag of {group}: {seconds:.2f} s {side} {early} (95 % interval {low:.2f} to {high:.2f} s); expected less than "
+        "{least:.2g} s",
         KEPT + "; powers take both at one time: check filters and clocks of their loggers",
     ),
     "stepped": (
         "gain_step",
         "{channel} steps by {change} ({share:+.1%} of its largest value) where it passes {level}, while {partner} does not",
         KEPT + "; check both for a meter that changes its range, and for an offset that appears under load",
+    ),
+    "more_than_shaft": (
+        "gain_mismatch",
+        "on the plateau P_gen and the losses of the rig file are {ratio:.3f} times the power of the shaft (95 % interval "
+        "{low:.3f} to {high:.3f}), and no machine gives more than it takes",
+        KEPT + "; torque or velocity read too little, or Vdc or Idc too much: check their gains, r_drum and the gear ratio",
+    ),
+    "more_than_emf": (
+        "gain_mismatch",
+        "on the plateau Vdc is {ratio:.3f} times the peak of the back-EMF at this speed (95 % interval {low:.3f} to "
+        "{high:.3f})",
+        KEPT + "; the velocity reads too little, or Vdc too much: check their gains, k_e, r_drum and the gear ratio",
     ),
     "zero": (
         "zero_offset",
@@ -138,10 +153,11 @@ FAULTS: dict[str, tuple[FindingKind, str, str]] = {
 """Kind of the finding on each fault, what it says, and the action; both are formatted with the values of the fault."""
 
 
-def find_faults(log: PhasedLog) -> list[Finding]:
+def find_faults(log: PhasedLog, relations: Sequence[Relation]) -> list[Finding]:
     """Run the checks, and word what they find; what a channel reads gets its unit."""
     checks = CHECKS + (CHECKS_OF_MOTION if log.rig.phases.by_motion else ())
-    return [_finding(log, fault) for check in checks for fault in check(log)]
+    faults = [*late(log, relations), *(fault for check in checks for fault in check(log))]
+    return [_finding(log, fault) for fault in faults]
 
 
 def _finding(log: PhasedLog, fault: Fault) -> Finding:

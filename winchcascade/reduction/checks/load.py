@@ -68,7 +68,8 @@ def other_load(log: PhasedLog) -> Iterator[Fault]:
         shares = (v_dc - load * i_dc) / np.maximum(np.maximum(np.abs(v_dc), np.abs(load * i_dc)), np.finfo(float).tiny)
         apart, scatter = median_and_error(shares)
         u = math.hypot(u_v / level, load * u_i / level, link.load_u, scatter)
-        bled = load / link.r_bleed.value if link.r_bleed is not None and link.r_bleed.value > 0.0 else 0.0
+        bleeds = link.r_bleed is not None and link.r_bleed.value > 0.0
+        bled = load / link.r_bleed.value * abs(volt) / level if link.r_bleed is not None and bleeds else 0.0
         if apart < 0.0 and bled >= CERTAIN * u:
             apart = min(apart + bled, 0.0)
         known = all((s := rig.sensors.get(c)) is not None and error_sources("", s) for c in ("vdc", "idc"))

@@ -287,7 +287,8 @@ def budget_table(reduction: Reduction, found: Uncertainty) -> Table[Share] | Non
             return None
         if source.part == "gain" or source.channel == R_DRUM:
             return f"{shown(100.0 * value)} %"
-        return f"{shown(value)} {si_unit(rig.known_channels[source.channel].dimension)}"
+        unit = "s" if source.part == "lag" else si_unit(rig.known_channels[source.channel].dimension)
+        return f"{shown(value)} {unit}"
 
     columns: list[Column[Share]] = [
         Column("source", lambda row: "repeatability" if row is None else source_name(row.source)),

@@ -1,0 +1,113 @@
+"""What a machine with the numbers of the rig file cannot exceed: the power of its shaft, and the
+peak of its back-EMF.
+
+Both hold whatever losses the rig file leaves out, as a loss lowers what comes out alone. A gain of
+torque, velocity or DC channels by which more comes out than goes in is therefore visible in one
+log."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from winchcascade.core.accuracy import CERTAIN
+from winchcascade.core.integrate import median, median_and_error
+from winchcascade.core.quantity import TURN
+from winchcascade.core.run import Signal
+from winchcascade.core.scales import SILICON
+from winchcascade.reduction.checks.phased_log import Fault, PhasedLog
+
+POWER = 0.04
+"""Smallest share by which the power behind the shaft exceeds that of the shaft in a finding: the
+shaft rings on a short plateau, and a coarse log does not average that out. [1]"""
+
+VOLTAGE = 0.05
+"""The same of Vdc over the peak of the back-EMF, as entries of gear and radius err by some percent.
+[1]"""
+
+STATOR = 0.75
+"""Smallest rms current of the stator over the current of a diode bridge: sqrt(2/3) for a stiff
+current, less with a capacitor and reactance. [1]"""
+
+
+class Bound(NamedTuple):
+    """Share by which one quantity exceeds what bounds it, of each plateau (k,), with its standard
+    uncertainty, and the least that is reported [1]."""
+
+    name: str
+    channel: str
+    excess: Signal
+    u: float
+    least: float
+
+
+def exceeded(log: PhasedLog) -> Iterator[Fault]:
+    """Bounds that the usual plateau of a log exceeds."""
+    for bound in (power_of_shaft(log), peak_of_voltage(log)):
+        if bound is None:
+            continue
+        excess, scatter = median_and_error(bound.excess)
+        u = math.hypot(bound.u, scatter)
+        if excess > max(bound.least, CERTAIN * u):
+            values = {"ratio": 1.0 + excess, "low": 1.0 + excess - 2.0 * u, "high": 1.0 + excess + 2.0 * u}
+            yield Fault(bound.name, bound.channel, plateaus_of(log), values)
+
+
+def plateaus_of(log: PhasedLog) -> list[tuple[float, float]]:
+    """Plateaus of the checked payouts. [s]"""
+    found = (log.phased.plateaus[k] for k in log.phased.chosen())
+    return [(p.begin, p.braking) for p in found if p is not None and p.braking > p.begin]
+
+
+def _means(log: PhasedLog, *names: str) -> Signal | None:
+    """Means of channels over each plateau, (m, k); None where the log lacks one."""
+    spans = [log.phased.rows(*span) for span in plateaus_of(log)]
+    channels = [log.run.channels.get(name) for name in names]
+    if any(x is None for x in channels):
+        return None
+    return np.array([[x[rows].mean() for rows in spans if rows.stop > rows.start] for x in channels if x is not None])
+
+
+def _ratio_of_speeds(log: PhasedLog) -> float | None:
+    """Speed of the rotor over that of the line. [rad/m]"""
+    radius, gear = log.rig.r_drum, log.rig.drivetrain.gear_ratio
+    return None if radius is None or gear is None else gear.value / radius
+
+
+def power_of_shaft(log: PhasedLog) -> Bound | None:
+    """P_gen with the losses in mesh, copper, diodes and damper that the rig file states, over
+    P_mech."""
+    train, machine, radius = log.rig.drivetrain, log.rig.generator, log.rig.r_drum
+    means, per_line = _means(log, "velocity", "torque", "vdc", "idc"), _ratio_of_speeds(log)
+    if means is None or not means.size or per_line is None or radius is None or log.idle:
+        return None
+    v, torque, v_dc, i_dc = means
+    mesh = 1.0 if train.eta_mesh is None else train.eta_mesh.value
+    copper = 0.0 if machine.r_s is None else 3.0 * machine.r_s.value * STATOR**2
+    damper = 0.0 if train.b_rotor is None else train.b_rotor.value
+    diode = SILICON if machine.v_diode is None else machine.v_diode.value
+    put, got = torque * v / radius * mesh, (v_dc + 2.0 * diode + copper * i_dc) * i_dc + damper * (per_line * v) ** 2
+    channels = (("torque", torque), ("vdc", v_dc), ("idc", i_dc))
+    return Bound("more_than_shaft", "torque", got / put - 1.0, _u(log, channels), POWER)
+
+
+def peak_of_voltage(log: PhasedLog) -> Bound | None:
+    """Vdc over the peak of the back-EMF between two lines at the speed of the rotor (Eq. 8)."""
+    k_e, means, per_line = log.rig.generator.k_e, _means(log, "velocity", "vdc"), _ratio_of_speeds(log)
+    if k_e is None or means is None or not means.size or per_line is None:
+        return None
+    v, v_dc = means
+    peak = math.sqrt(2.0) * k_e.value * 60.0 / TURN * per_line * v
+    u = math.hypot(_u(log, (("vdc", v_dc),)), (k_e.u or 0.0) / k_e.value)
+    return Bound("more_than_emf", "vdc", v_dc / peak - 1.0, u, VOLTAGE)
+
+
+def _u(log: PhasedLog, channels: tuple[tuple[str, Signal], ...]) -> float:
+    """Standard uncertainty of a product of channels by zeros and gains of their sensors. [1]"""
+    parts = [
+        (log.phased.u_gain(name), log.phased.u_zero(name) / max(median(np.abs(x)), 1e-300)) for name, x in channels
+    ]
+    return math.hypot(*(u for part in parts for u in part))

@@ -1,0 +1,143 @@
+"""Steps of a channel at a level that its partner passes smoothly: a meter that changes its range,
+an offset under load.
+
+Vdc and Idc follow each other at a resistor, torque and line tension while the clutch drives. What a
+smooth function of the one leaves of the other steps at one level."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from winchcascade.core.accuracy import CERTAIN
+from winchcascade.core.integrate import largest, white_noise
+from winchcascade.core.run import Signal
+from winchcascade.reduction.checks.phased_log import MIN_COMPARED, REPORTED, Fault, PhasedLog
+from winchcascade.reduction.efficiency import SMALLEST
+
+FOLLOWS = 0.1
+"""A signal follows its partner if the residual is less than this share of its variance. [1]"""
+
+LOWEST = 0.1
+"""Lowest level of a step, as a share of the largest value, and its distance from that: beyond are
+zeros, and noise of the plateau. [1]"""
+
+PARTNERS = (("vdc", "idc", 1), ("torque", "force", 2))
+"""Two channels of which each is a polynomial of this degree of the other. At the onset the friction
+of the restoring module reverses, so that the tension counts after it."""
+
+
+class Fitted(NamedTuple):
+    """Weights of columns, their standard errors, and the sum of squares of the residual as a share
+    of the variance of y [1]."""
+
+    weight: Signal
+    error: Signal
+    residual: float
+
+
+def stepped(log: PhasedLog) -> Iterator[Fault]:
+    """Channels that step at a level which the partner passes smoothly; not in open circuit, where
+    friction makes the torque.
+
+    The ramps of all payouts count, and the more certain of the steps of both channels. Masses
+    between the sensors add a difference in proportion to the acceleration, which steps where the
+    line does."""
+    cycles = [k for k in log.phased.chosen() if not log.phased.cycles[k].begins_inside]
+    spans = [(log.phased.cycles[k].onset, log.phased.cycles[k].payout_end) for k in cycles]
+    for first, second, degree in () if log.run.open_circuit else PARTNERS:
+        if not spans or not {first, second} <= log.run.channels.keys():
+            continue
+        ramps = np.concatenate([ramp_of(log, k, (first, second), of_line=degree > 1) for k in cycles], axis=1)
+        x, y, *beside, x_slope, y_slope = ramps
+        steps = []
+        for channel, partner, own, other, slope in ((second, first, y, x, x_slope), (first, second, x, y, y_slope)):
+            smooth = np.array([*(other**power for power in range(1, degree + 1)), slope, *beside])
+            steps.append((*largest_step(own, smooth, log.zero_limit(channel)), channel, partner))
+        certain, share, change, level, channel, partner = max(steps)
+        if certain:
+            values = {"partner": partner, "share": share, "change": change, "level": level}
+            yield Fault("stepped", channel, spans, values)
+
+
+def ramp_of(log: PhasedLog, k: int, partners: tuple[str, str], *, of_line: bool) -> Signal:
+    """Samples of one payout outside its plateau, whose noise would set the slope, (m, n).
+
+    Rows are both channels, what the tension at rest grows with, and the slopes of velocity and both
+    channels."""
+    channels, limits, cycle, plateau = (
+        log.run.channels,
+        log.rig.thresholds,
+        log.phased.cycles[k],
+        log.phased.plateaus[k],
+    )
+    settled = braking = cycle.payout_end
+    if plateau is not None:
+        settled, braking = plateau.begin + limits.settle, plateau.braking
+    begin, end = cycle.onset - limits.smoothing, cycle.payout_end + limits.smoothing
+    beside = []
+    if of_line:
+        begin, end = cycle.onset + limits.smoothing, braking
+        beside = [next((channels[n] for n in ("pressure", "displacement") if n in channels), log.run.t)]
+    inside = log.phased.rows(begin, end)
+    t, rows = (
+        log.run.t[inside],
+        np.array([x[inside] for x in (log.phased.v_smooth, *(channels[name] for name in partners), *beside)]),
+    )
+    slopes = (rows[:3, 2:] - rows[:3, :-2]) / (t[2:] - t[:-2])
+    ramp = (t < settled) | (t > braking - limits.settle)
+    return np.vstack((rows[1:, 1:-1], slopes))[:, ramp[1:-1]]
+
+
+def fit(columns: Signal, y: Signal) -> Fitted | None:
+    """Regress y, (n,), on columns, (m, n), and a constant; None where a column is not its own.
+
+    The residual is correlated from sample to sample, so that fewer of them count.
+    """
+    if y.size < max(MIN_COMPARED, 5 * len(columns)):
+        return None
+    columns, y = columns - columns.mean(axis=1, keepdims=True), y - y.mean()
+    product = np.einsum("ij,kj->ik", columns, columns)  # not by BLAS, whose threads wait for each other
+    size, of_y = np.sqrt(product.diagonal()), float(y @ y)
+    if not size.all() or of_y == 0.0:
+        return None
+    product /= size * size[:, None]
+    if np.linalg.det(product) < 1e-9:
+        return None
+    inverse = np.linalg.inv(product)
+    weight = inverse @ (np.einsum("ij,j->i", columns, y) / size)
+    residual = y - np.einsum("i,ij->j", weight / size, columns)
+    left = float(residual @ residual)
+    following = float(residual[1:] @ residual[:-1]) / max(left, SMALLEST)
+    fewer = max((1.0 + following) / max(1.0 - following, 1e-3), 1.0)
+    error = np.sqrt(inverse.diagonal() * left * fewer / y.size)
+    return Fitted(weight / size, error / size, left / of_y)
+
+
+def largest_step(y: Signal, smooth: Signal, zero: float) -> tuple[float, float, float, float]:
+    """The most certain step of y: in standard errors, as a share of the largest value, its size,
+    and its level; else zeros.
+
+    y, (n,), is fitted by smooth columns, (m, n), and a step at the level by which the residual
+    divides most. The level is that which the columns give, so that noise of y chooses no side; that
+    of x does, and a step of its size is none, nor is one that the zero of a sensor explains, or
+    that hides in what the columns leave. At half of the scale, a gain is twice its step."""
+    course = fit(smooth, y)
+    if course is None or course.residual > FOLLOWS:
+        return 0.0, 0.0, 0.0, 0.0
+    top, level = largest(y), course.weight @ smooth
+    level += float(np.mean(y - level))
+    order, place = np.argsort(level), np.arange(1, y.size)
+    between = (level[order[1:]] > LOWEST * top) & (level[order[1:]] < (1.0 - LOWEST) * top)
+    weight = np.where(between, np.sqrt(place * (y.size - place)), np.inf)
+    best = level[order[int(np.argmax(np.abs(np.cumsum((y - level)[order])[:-1]) / weight)) + 1]]
+    found = fit(np.vstack((smooth, level >= best)), y)
+    if found is None or abs(found.weight[-1]) < (CERTAIN + 1.0) * found.error[-1]:  # as one of many levels
+        return 0.0, 0.0, 0.0, 0.0
+    change, left = float(found.weight[-1]), math.sqrt(found.residual) * float(np.std(y))
+    if abs(change) < max(0.5 * REPORTED * top, left, zero, 2.0 * white_noise(level)):
+        return 0.0, 0.0, 0.0, 0.0
+    return abs(change / float(found.error[-1])), change / top, change, float(best)

@@ -1,0 +1,67 @@
+"""What lags between the channels change of energies: a factor of a power that is recorded late
+meets another motion.
+
+Channels that share an amplifier or a logger are late together. A relation between a channel and the
+motion therefore moves the channel and all that follow it; what a rig file states of a channel
+(`u_lag`) moves that channel alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from winchcascade.core.accuracy import ErrorSource
+from winchcascade.core.cascade import Stream, Term
+from winchcascade.core.integrate import integrals_of
+from winchcascade.core.run import Signal
+from winchcascade.reduction.reduction_result import Reduction
+
+TIMING = "timing"
+"""Source of uncertainty that is no channel: lags between channels and motion."""
+
+Rates = Mapping[str, Mapping[str, Signal]]
+"""By stage and channel, what each span loses of its energy per second by which the channel is late,
+(k,). [W]"""
+
+
+def lag_sources(reduction: Reduction) -> list[tuple[ErrorSource, tuple[str, ...]]]:
+    """Independent lags of a log, each with the channels that it moves against the velocity. [s]
+
+    Every window follows the velocity, so that a lag of it moves all others.
+    """
+    channels, relations = reduction.run.channels, reduction.relations
+    stated = {name: s for name, s in reduction.rig.sensors.items() if s.u_lag is not None and name in channels}
+    found = []
+    for name, sensor in stated.items():
+        moved = (name,) if name != "velocity" else tuple(other for other in channels if other != name)
+        source = ErrorSource(TIMING, "lag", sensor.u_lag or 0.0, None, f"u_lag of {name}", "standard_uncertainty")
+        found.append((source, moved))
+    for relation in relations:
+        if relation.y not in stated:
+            follow = (r.y for r in relations if r.x == relation.y and r.y not in stated)
+            moved = (relation.y, *follow)
+            origin = f"{' and '.join(moved)} against {relation.x} in the log"
+            found.append((ErrorSource(TIMING, "lag", relation.u_remaining, None, origin, "relation"), moved))
+    return found
+
+
+def lag_rates(reduction: Reduction, spans: Signal) -> Rates:
+    """What lags of single channels change of the energy of each stage in k spans, (k, 2) [s]."""
+    run, radius = reduction.run, reduction.rig.r_drum
+    powers = {
+        s.name: power for s in reduction.rig.cascade.stages if (power := s.power(run.channels, radius)) is not None
+    }
+    slopes = {name: np.gradient(run.channels[name], run.t) for power in powers.values() for name in power.channels}
+
+    def stream(term: Term, late: str) -> Stream:
+        others, scale = [run.channels[name] for name in term.channels if name != late], term.scale(radius)
+        return lambda part: np.prod([slopes[late][part], *(x[part] for x in others)], axis=0) * scale
+
+    of = [
+        (stage, name, stream(term, name)) for stage, p in powers.items() for term in p.terms for name in term.channels
+    ]
+    found: dict[str, dict[str, Signal]] = {stage: {} for stage in powers}
+    for (stage, name, _), joules in zip(of, integrals_of(run.t, [s for *_, s in of], spans), strict=True):
+        found[stage][name] = found[stage].get(name, np.zeros(len(spans))) + joules
+    return found
