@@ -60,6 +60,11 @@ class Level(NamedTuple):
         return self.high - self.low
 
     @property
+    def top(self) -> float:
+        """Largest magnitude in this range."""
+        return max(abs(self.low), abs(self.high))
+
+    @property
     def fault(self) -> float:
         """Smallest jump of a fault: beyond noise, and beyond two neighbouring values of a coarse channel."""
         return max(OF_RANGE * self.span, OF_NOISE * self.noise, 2.5 * self.step)
@@ -156,6 +161,10 @@ class Samples(msgspec.Struct):
     def by_line(self) -> bool:
         """Whether the log has the motion of a line."""
         return "velocity" in self.channels or "displacement" in self.channels
+
+    def has_travel(self, name: str) -> bool:
+        """Whether a channel is the velocity of a line whose displacement is logged, too."""
+        return name == "velocity" and "displacement" in self.channels
 
     def stages(self) -> list[tuple[str, ...]]:
         """Channels of each product of which the powers of the stages are sums, in the direction in which power flows."""
