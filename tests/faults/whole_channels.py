@@ -1,4 +1,5 @@
-"""Faults of a channel over the whole log, and rows that were written twice; on a line and on a bench without one."""
+"""Faults of a channel over the whole log, and rows that were written twice; on a line and on a
+bench without one."""
 
 from __future__ import annotations
 
@@ -37,7 +38,8 @@ def without_sign(_rng: Rng, k: int, log: Log) -> Trial:
 
 @fault("whole: opposed powers", TRIALS)
 def opposed(_rng: Rng, k: int, log: Log) -> Trial:
-    """A channel of a power with the opposite sign: of a bench, and of a line without a velocity that shows the direction."""
+    """A channel of a power with the opposite sign: of a bench, and of a line without a velocity
+    that shows the direction."""
     channel = (*ON_BENCH, "force")[k % 4]
     log = bench(log.rate) if channel != "force" else log
     return whole(log, "opposite sign", **{channel: -log[channel]})
@@ -45,7 +47,8 @@ def opposed(_rng: Rng, k: int, log: Log) -> Trial:
 
 @fault("whole: zero of a bench", TRIALS)
 def zero_of_bench(rng: Rng, k: int, log: Log) -> Trial:
-    """A zero of 1 to 10 % of the range of a channel of a bench, which rests before and after the test."""
+    """A zero of 1 to 10 % of the range of a channel of a bench, which rests before and after the
+    test."""
     log, channel = bench(log.rate), ON_BENCH[k % 3]
     size = either(rng, 0.01, 0.1) * float(np.max(log[channel]))
     return whole(log, f"zero {size:+.4g}", **{channel: log[channel] + size})
@@ -53,13 +56,14 @@ def zero_of_bench(rng: Rng, k: int, log: Log) -> Trial:
 
 @fault("whole: rows written twice", TRIALS)
 def written_twice(rng: Rng, _k: int, log: Log) -> Trial:
-    """Rows of 0.5 to 3 s that follow again, under a clock of row numbers, in a log without a displacement."""
+    """Rows of 0.5 to 3 s that follow again, under a clock of row numbers, in a log without a
+    displacement."""
     log = replace(log, table=log.table.drop(columns="displacement"))
     a, b = spot(rng, log, float(rng.uniform(0.5, 3.0)))
     damaged = log.rows(np.concatenate((np.arange(b), np.arange(a, len(log.t)))))
     stamps = np.round(log.t[0] + np.arange(len(damaged.t)) * log.step, 6)
-    touched = frozenset({"rows", *POWERS})
-    return Trial(f"rows {a}:{b} twice", log, damaged.changed(time=stamps), touched, times(damaged, [(a, b)]))
+    touched, spans = frozenset({"rows", *POWERS}), times(damaged, [(a, b)])
+    return Trial(f"rows {a}:{b} twice", log, damaged.changed(time=stamps), touched, spans)
 
 
 @fault("clock: set forward", TRIALS)
@@ -69,4 +73,5 @@ def set_forward(rng: Rng, k: int, log: Log) -> Trial:
     row = int(rng.integers(first + round(log.rate), last - round(log.rate)))
     seconds = (1.0, 60.0, 3600.0, 86400.0)[k % 4]
     stamps = log.t + seconds * (np.arange(len(log.t)) >= row)
-    return Trial(f"{seconds:g} s from row {row}", log, log.changed(time=stamps), frozenset({"time"}))
+    what = f"{seconds:g} s from row {row}"
+    return Trial(what, log, log.changed(time=stamps), frozenset({"time"}))

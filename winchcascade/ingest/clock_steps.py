@@ -32,53 +32,47 @@ def without_steps(clock: Clock, channels: dict[str, Signal], where: str, repairs
     where : the log, for messages
     repairs : "off" reports the steps and keeps the stamps
     """
-    x = channels.get("displacement")
-    if x is None or not len(clock.gaps):
+    x, v = channels.get("displacement"), channels.get("velocity")
+    if x is None:
         return clock
-    usual, t, findings = 1.0 / clock.fs, clock.t.copy(), []
+    t, usual, findings = clock.t.copy(), 1.0 / clock.fs, clock.findings
     for k in np.searchsorted(clock.t, clock.gaps[:, 0]).tolist():
-        step = float(clock.t[k + 1] - clock.t[k]) - usual
-        if not _goes_on(clock.t, x, channels.get("velocity"), k, usual):
-            continue
-        start = float(t[k])
-        message = (
-            f"at {start:.2f} s the clock steps by {step:+.2f} s, while the displacement goes on as in "
-            f"one interval of {usual:.4g} s"
-        )
-        repair = Repair("later stamps moved back to follow on", 0, ((start, start + usual),))
-        finding = Finding("clock_mismatch", message, repair.what, repair=repair)
-        findings.append(replace(finding, start=start, end=start + usual))
-        t[k + 1 :] -= step
-    if not findings:
-        return clock
-    if repairs == "off":
-        kept = [
-            replace(f, action="kept, as repairs are off", repair=replace(f.repair, applied=False))
-            for f in findings
-            if f.repair is not None
-        ]
-        return replace(clock, findings=(*clock.findings, *kept))
-    others = [f.at_times(clock.t, t) for f in clock.findings if f.kind not in OF_INTERVALS]
+        if _goes_on(clock.t, x, v, k, usual):
+            start, end = clock.t[k : k + 2].tolist()
+            findings = (*findings, _step(start, end - start - usual, applied=repairs == "on"))
+            t[k + 1 :] -= end - start - usual
+    if repairs == "off" or findings == clock.findings:
+        return replace(clock, findings=findings)
     mended = read_clock(t, where)
-    return replace(mended, rows=clock.rows, findings=(*others, *findings, *mended.findings))
+    kept = [f.at_times(clock.t, t) for f in findings if f.kind not in OF_INTERVALS]
+    return replace(mended, rows=clock.rows, findings=(*kept, *mended.findings))
+
+
+def _step(start: float, step: float, *, applied: bool) -> Finding:
+    """A finding on a step of the clock after a stamp. [s]"""
+    what = f"at {start:.2f} s the clock steps by {step:+.2f} s, while the displacement goes on"
+    done = "later stamps moved back to follow on"
+    repair = Repair(done, 0, ((start, start + step),), applied)
+    action = done if applied else "kept, as repairs are off"
+    return Finding("clock_mismatch", what, action, start=start, end=start + step, repair=repair)
 
 
 def _goes_on(t: Signal, x: Signal, v: Signal | None, k: int, usual: float) -> bool:
-    """Whether a displacement goes on from row k to the next as in one usual interval."""
+    """Whether a displacement goes on from row k to the next as in one usual interval.
+
+    The line moves one way on both sides, and the travel that the whole gap would have had exceeds
+    the error of the displacement. A sample that is lost proves nothing.
+    """
     if k < SIDE or k + 1 + SIDE >= t.size:
         return False
-    sides = x[k - SIDE : k + 1], x[k + 1 : k + 2 + SIDE]
-    changes = np.diff(sides)
-    bend = float(np.max(np.abs(np.diff(changes)), initial=0.0))
-    error = max(bend, float(np.max(np.abs(changes))), 2.0 * smallest_step(x))
-    travels = np.sum(changes, axis=1)
+    changes = np.diff((x[k - SIDE : k + 1], x[k + 1 : k + 2 + SIDE]))
+    error = max(float(np.max(np.abs(changes))), 2.0 * smallest_step(x))
+    travel = changes.sum(axis=1)
     if v is not None:
-        travels = np.append(travels, [np.sum(v[k - SIDE : k]) * usual, np.sum(v[k + 1 : k + 1 + SIDE]) * usual])
-    least = float(np.min(np.abs(travels)))  # NaN where a sample is lost, which is no proof
-    if not (least > 0.5 * CLEAR * error and abs(float(np.sum(np.sign(travels)))) == travels.size):
-        return False
+        both = np.array((v[k - SIDE : k], v[k + 2 : k + 2 + SIDE]))
+        travel = np.append(travel, usual * both.sum(axis=1))
+    least = float(np.min(np.abs(travel)))
     gap = float(t[k + 1] - t[k]) - usual
-    if least / (SIDE * usual) * gap < CLEAR * error:
-        return False
-    expected = float(np.mean(changes))
-    return abs(float(x[k + 1] - x[k]) - expected) <= error
+    clear = min(2.0, gap / (SIDE * usual)) * least > CLEAR * error
+    one_way = bool(np.ptp(np.sign(travel)) == 0.0)
+    return clear and one_way and abs(float(x[k + 1] - x[k]) - float(changes.mean())) <= error

@@ -1,4 +1,5 @@
-"""Samples that no machine gives: filled rows, spikes, codes, dropouts, filled gaps and stale values.
+"""Samples that no machine gives: filled rows, spikes, codes, dropouts, filled gaps and stale
+values.
 
 A check takes a log and the name of a channel and returns a mask of the samples that have the fault,
 (n,); it changes nothing. `witnesses` decides what the machine did.
@@ -25,41 +26,43 @@ AGREE = 0.25
 ringing. [1]"""
 
 BEYOND = 1.5
-"""Smallest jump of a held value over the largest jump of the channel elsewhere: what the machine does
-in one sample. [1]"""
+"""Smallest jump of a held value over the largest jump of the channel elsewhere: what the machine
+does in one sample. [1]"""
 
 MOST = 0.5
-"""Longest stretch that jumps away, as a share of the log: what lasts longer is the usual state. [1]"""
+"""Longest stretch that jumps away, as a share of the log: what lasts longer is the usual state.
+[1]"""
 
 ONE_END = 0.25
-"""Smallest jump into or out of a held value that is left or entered without one, in ranges: a clutch
-engages by less. [1]"""
+"""Smallest jump into or out of a held value that is left or entered without one, in ranges: a
+clutch engages by less. [1]"""
 
 HELD_MIN = 6
-"""Fewest equal samples of a stale value: by chance a channel that repeats one sample in fifty does so
-once in 3e8. [1]"""
+"""Fewest equal samples of a stale value: by chance a channel that repeats one sample in fifty does
+so once in 3e8. [1]"""
 
 CERTAIN = math.log(1e-8)
 """Logarithm of the chance below which a channel does not hold still by accident: not once in the
 samples of a long log. [1]"""
 
 BESIDE = 96
-"""Number of samples on either side, in the same state of motion, that show whether a channel is noisy:
-enough for a chance of one in a hundred. [1]"""
+"""Number of samples on either side, in the same state of motion, that show whether a channel is
+noisy: enough for a chance of one in a hundred. [1]"""
 
 NEAR = 0.2
-"""Largest distance of these from the values of the stretch, in ranges: noise may grow with the value.
-[1]"""
+"""Largest distance of these from the values of the stretch, in ranges: noise may grow with the
+value. [1]"""
 
 TURNS = 0.3
-"""Smallest share of the bends of a noisy channel that reverse at once; two thirds of white noise, none
-of a ramp. [1]"""
+"""Smallest share of the bends of a noisy channel that reverse at once; two thirds of white noise,
+none of a ramp. [1]"""
 
 CALM = 0.05
 """Largest second difference of a filled gap, in usual ones. [1]"""
 
 ROUNDED = 2.001
-"""The same in steps of the resolution, and twice the bend of a smooth channel that is rounded. [1]"""
+"""The same in steps of the resolution, and twice the bend of a smooth channel that is rounded.
+[1]"""
 
 CONTINUES = 2.5
 """A sample of white noise continues the line of those before it so many times as often as any three
@@ -67,7 +70,8 @@ samples lie on a line: the standard deviation of a second difference is sqrt(6) 
 noise. [1]"""
 
 STEPS = 5.0
-"""Travel after which a channel that follows the line must show it, in steps of its resolution. [1]"""
+"""Travel after which a channel that follows the line must show it, in steps of its resolution.
+[1]"""
 
 TRAVEL = 0.5
 """The same as a share of the smallest stroke: beyond lag and stretch of the line. [1]"""
@@ -95,13 +99,14 @@ class Fault(NamedTuple):
 def filled_rows(log: Samples, name: str) -> Mask:
     """Rows of a slow channel that hold 0 because it had no new value.
 
-    Zeros that last longer than two updates are measurements: of them the rows of the updates are kept.
+    Zeros that last longer than two updates are measurements: of them the rows of the updates are
+    kept.
     """
     x = log.channels[name]
     filled = np.zeros(x.size, dtype=bool)
-    updates = np.flatnonzero(x) if np.count_nonzero(x) <= 0.55 * x.size else np.empty(0, dtype=np.intp)
-    if updates.size < 4 * SPIKE_LENGTH_MAX:
+    if not 4 * SPIKE_LENGTH_MAX <= np.count_nonzero(x) <= 0.55 * x.size:
         return filled
+    updates = np.flatnonzero(x)
     steps = np.diff(updates)
     every = int(median(steps.astype(np.float64)))
     if every < 2 or np.count_nonzero(steps % every) > SLOW * updates.size:
@@ -145,16 +150,16 @@ def jumped(log: Samples, name: str) -> Mask:
 
 
 def _jumps(x: Signal, size: float) -> Index:
-    """Samples after which a channel changes by more than a size, (k,); by blocks, so that a long log
-    needs no memory."""
+    """Samples after which a channel changes by more than a size, (k,); by blocks, so that a long
+    log needs no memory."""
     starts = range(0, x.size - 1, BLOCK) if size > 0.0 else ()
     large = [s + np.flatnonzero(np.abs(np.diff(x[s : s + BLOCK + 1])) > size) for s in starts]
     return np.concatenate([np.empty(0, dtype=np.intp), *large])
 
 
 def _spikes(log: Samples, name: str, x: Signal, at: Index) -> Iterator[tuple[int, int]]:
-    """Stretches [first, after) of a few samples that lie off a calm line through their neighbours alike
-    (a Hampel filter at the jumps after the samples `at`)."""
+    """Stretches [first, after) of a few samples that lie off a calm line through their neighbours
+    alike (a Hampel filter at the jumps after the samples `at`)."""
     level, jump = log.level(name), x[at + 1] - x[at]
     for length in range(1, SPIKE_LENGTH_MAX + 1):
         back = np.minimum(np.searchsorted(at, at + length), at.size - 1)
@@ -190,8 +195,8 @@ def _medians(rows: Signal) -> Signal:
 
 
 def _held(log: Samples, name: str, x: Signal, at: Index) -> Iterator[tuple[int, int]]:
-    """Stretches [first, after) between two jumps apart that hold one value, or vary little beside these
-    jumps; and those that hold one value and are entered or left without a jump."""
+    """Stretches [first, after) between two jumps apart that hold one value, or vary little beside
+    these jumps; and those that hold one value and are entered or left without a jump."""
     level = log.level(name)
     starts, ends = np.append(0, at + 1), np.append(at + 1, x.size)
     change = np.concatenate(([np.nan], x[at + 1] - x[at], [np.nan]))
@@ -206,8 +211,8 @@ def _held(log: Samples, name: str, x: Signal, at: Index) -> Iterator[tuple[int, 
     chosen = ((width == 0.0) & again | little) & (jump > level.long_fault) & ~(into * out > 0.0)
     yield from zip(starts[chosen].tolist(), ends[chosen].tolist(), strict=True)
     # The displacement decides on a velocity, however small its jump.
-    least = level.long_fault if log.has_travel(name) else max(level.long_fault, ONE_END * level.span)
-    for k in at[np.abs(x[at + 1] - x[at]) > least].tolist():
+    least = 0.0 if log.has_travel(name) else ONE_END * level.span
+    for k in at[np.abs(x[at + 1] - x[at]) > max(least, level.long_fault)].tolist():
         for rest, sign in ((x[k + 1 :], 1), (x[k::-1], -1)):
             if rest.size >= HELD_MIN and np.all(rest[:HELD_MIN] == rest[0]):
                 length = int(np.argmax(rest != rest[0])) or rest.size
@@ -240,8 +245,8 @@ def stale(log: Samples, name: str) -> Mask:
 
 
 def _still_while_travelling(log: Samples, name: str, held: Mask) -> Mask:
-    """Samples of a channel that follows the line and holds one value while another channel shows that
-    the line travels."""
+    """Samples of a channel that follows the line and holds one value while another channel shows
+    that the line travels."""
     bad = np.zeros(held.size, dtype=bool)
     level, t, v = log.level(name), log.t, log.channels["velocity"]
     moves = np.where(np.abs(v) > 2.0 * log.rig.thresholds.v_onset, v, 0.0)  # no zero error, no hole
@@ -258,8 +263,8 @@ def _still_while_travelling(log: Samples, name: str, held: Mask) -> Mask:
 
 
 def _apart(log: Samples, first: int, last: int) -> tuple[float, float]:
-    """How far the travel by the displacement is from that of a held velocity over a stretch, and how far
-    lag, resolution and a slow update of the displacement may put it. [m]"""
+    """How far the travel by the displacement is from that of a held velocity over a stretch, and
+    how far lag, resolution and a slow update of the displacement may put it. [m]"""
     x, seconds = log.channels["displacement"][first:last], float(log.t[last - 1] - log.t[first])
     x = x[np.isfinite(x)]
     moved = float(np.ptp(x)) if x.size else 0.0
@@ -271,7 +276,8 @@ def _apart(log: Samples, first: int, last: int) -> tuple[float, float]:
 
 
 def filled_gaps(log: Samples, name: str) -> Mask:
-    """Samples of a noisy channel on a line between two measured ones, for longer than chance allows."""
+    """Samples of a noisy channel on a line between two measured ones, for longer than chance
+    allows."""
     x, level = log.channels[name], log.level(name)
     calm, usual = np.zeros(x.size, dtype=bool), 1.652 * level.noise
     if not usual > ROUNDED * level.step or name == "displacement":
@@ -293,8 +299,8 @@ def filled_gaps(log: Samples, name: str) -> Mask:
 def _beyond_chance(log: Samples, name: str, still: Mask, factor: float) -> Mask:
     """Stretches that are still for longer than by chance, where a channel is noisy beside them.
 
-    The chance of one more still sample is the share of the samples beside a stretch that are still, by
-    the rule of succession of Laplace, times a factor; after a still sample it may be larger.
+    The chance of one more still sample is the share of the samples beside a stretch that are still,
+    by the rule of succession of Laplace, times a factor; after a still sample it may be larger.
     """
     bad = np.zeros(still.size, dtype=bool)
     if log.level(name).noise == 0.0:
@@ -310,14 +316,13 @@ def _beyond_chance(log: Samples, name: str, still: Mask, factor: float) -> Mask:
         near = np.abs(x[around] - x[a]) <= NEAR * level.span + np.ptp(x[a:b])
         rows = first + np.flatnonzero(near & (motion[around] == state))
         sides = [rows[rows < a][-BESIDE:], rows[rows >= b][:BESIDE]]
-        groups = [np.concatenate(sides)]
-        if factor == 1.0:  # values that repeat do so rather after one that repeats, as of coarse steps
+        both = np.concatenate(sides)
+        groups = [both]
+        if factor == 1.0:  # a value repeats rather after one that repeats, as of coarse steps
             groups = [*sides, *(rows[still[rows - 1]] for rows in sides)]
-        shares = [
-            (np.count_nonzero(still[rows]) + 1.0) / (rows.size + 2.0) for rows in groups if rows.size >= BESIDE // 8
-        ]
+        known = [still[rows] for rows in groups if rows.size >= BESIDE // 8]
+        shares = [(np.count_nonzero(part) + 1.0) / (part.size + 2.0) for part in known]
         if (b - a) * math.log(min(factor * max(shares, default=1.0), 1.0)) < CERTAIN:
-            both = np.concatenate(sides)
             held = np.unique(x[both[still[both]]])
             # The steps of a coarse channel, though a logger interpolates between them.
             coarse = factor == 1.0 and held.size >= SPIKE_LENGTH_MAX
@@ -330,8 +335,8 @@ def _beyond_chance(log: Samples, name: str, still: Mask, factor: float) -> Mask:
 def _is_noisy(x: Signal, step: float) -> bool:
     """Whether the bends of a channel from one new value to the next reverse again and again.
 
-    Those of a smooth channel do not, or are no larger than rounding makes them, also where it is held
-    between updates.
+    Those of a smooth channel do not, or are no larger than rounding makes them, also where it is
+    held between updates.
     """
     x = x[np.isfinite(x)]
     bends = np.diff(x[np.diff(x, prepend=np.nan) != 0], 2)
@@ -357,7 +362,12 @@ def _stretches(mask: Mask, least: int) -> list[tuple[int, int]]:
 
 FILLED_ROWS = Fault("dropped_samples", "are 0 between the updates of a slower channel", filled_rows)
 
-JUMPS = Fault("spike", "jump far from their neighbours, or to a value that no other channel shows", jumped, 5)
+JUMPS = Fault(
+    "spike",
+    "jump far from their neighbours, or to a value that no other channel shows",
+    jumped,
+    rounds=5,
+)
 """Sought before the clock is checked, again until none is found: one code next to another is found
 after it."""
 

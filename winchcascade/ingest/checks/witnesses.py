@@ -1,4 +1,5 @@
-"""What the other channels of a log show: a fault of a sensor or a logger is what none of them shows."""
+"""What the other channels of a log show: a fault of a sensor or a logger is what none of them
+shows."""
 
 from __future__ import annotations
 
@@ -16,23 +17,23 @@ NEARBY = 12
 """Number of samples on either side of an event that show what a channel does without it. [1]"""
 
 APART = 2.0
-"""Smallest change at an event, over the upper quartile of such changes nearby, by which a channel shows
-it. [1]"""
+"""Smallest change at an event, over the upper quartile of such changes nearby, by which a channel
+shows it. [1]"""
 
 MEDIAN_OF = 3
 """Number of samples whose median is the level beside an edge: a neighbour may be a spike. [1]"""
 
 SETTLES = 5 / 6
-"""Time after an edge in which the powers of other stages have followed it, as a share of the width that
-smooths the velocity: five times that of rotor and DC link. [1]"""
+"""Time after an edge in which the powers of other stages have followed it, as a share of the width
+that smooths the velocity: five times that of rotor and DC link. [1]"""
 
 HOLDS = 0.5
-"""Another channel continues if it departs, relative to its level, by less than this share of what the
-suspect does. [1]"""
+"""Another channel continues if it departs, relative to its level, by less than this share of what
+the suspect does. [1]"""
 
 OF_SUSPECT = 0.05
-"""Smallest change by which another channel shows an event, in its range, over that of the suspect in the
-range of the suspect. [1]"""
+"""Smallest change by which another channel shows an event, in its range, over that of the suspect
+in the range of the suspect. [1]"""
 
 AtEnds: TypeAlias = "Callable[[Iterable[bool]], bool]"
 """`all` or `any`: whether both ends of a stretch count, or one."""
@@ -42,8 +43,8 @@ FOLLOW = ("displacement", "pressure")
 
 
 def is_by_machine(log: Samples, name: str, first: int, last: int, *, spike: bool) -> bool:
-    """Whether the machine made a channel depart over a stretch [first, last): another channel departs
-    with it.
+    """Whether the machine made a channel depart over a stretch [first, last): another channel
+    departs with it.
 
     A displacement jumps by no more than the velocity gives, and the displacement decides on the
     velocity. The pressure of a volume cannot jump for long, but that of a flow follows a valve.
@@ -59,7 +60,9 @@ def is_by_machine(log: Samples, name: str, first: int, last: int, *, spike: bool
         if spike:
             return False
     at_ends = any if spike else all
-    return _is_shown(log, name, first, last, at_ends) or not (spike or _is_contradicted(log, name, first, last))
+    if _is_shown(log, name, first, last, at_ends):
+        return True
+    return not spike and not _is_contradicted(log, name, first, last)
 
 
 def _outruns(log: Samples, first: int, last: int) -> bool:
@@ -68,14 +71,15 @@ def _outruns(log: Samples, first: int, last: int) -> bool:
     edges = np.array([k for k in (first, last) if 0 < k < log.t.size])
     if v is None or not edges.size:
         return True
-    fastest = np.nanmax(np.abs(v[np.clip(edges[:, None] + (-2, -1, 0, 1), 0, v.size - 1)]), initial=0.0)
+    near = np.clip(edges[:, None] + (-2, -1, 0, 1), 0, v.size - 1)
+    fastest = np.nanmax(np.abs(v[near]), initial=0.0)
     travel = fastest * (log.t[edges] - log.t[edges - 1])
     return bool(np.any(np.abs(x[edges] - x[edges - 1]) > 2.0 * travel))
 
 
 def _apart_by_travel(log: Samples, first: int, last: int) -> tuple[float, float]:
-    """How far the travel by the displacement is from that by the velocity over a stretch, and from that
-    by the line between its two neighbours; NaN where it shows nothing. [m]"""
+    """How far the travel by the displacement is from that by the velocity over a stretch, and from
+    that by the line between its two neighbours; NaN where it shows nothing. [m]"""
     if first == 0 or last == log.t.size:
         return math.nan, math.nan
     part = slice(first - 1, last + 1)
@@ -102,8 +106,8 @@ def _is_shown(log: Samples, name: str, first: int, last: int, at_ends: AtEnds) -
 
 
 def _changes(log: Samples, name: str, first: int, last: int, share: float, at_ends: AtEnds) -> bool:
-    """Whether a channel or its slope changes by a share of its range at the ends of a stretch, and much
-    more than nearby."""
+    """Whether a channel or its slope changes by a share of its range at the ends of a stretch, and
+    much more than nearby."""
     y, n, level = log.channels[name], log.t.size, log.level(name)
     begin, end = max(first - 2, 0), min(last + 2, n)
     edges = [y[begin:end]]
@@ -127,8 +131,8 @@ def _changes(log: Samples, name: str, first: int, last: int, share: float, at_en
 def _is_contradicted(log: Samples, name: str, first: int, last: int) -> bool:
     """Whether the channels that would depart with this one continue where it jumps away.
 
-    In the course of a stretch that begins or ends without a jump, the machine may do something else:
-    only its jump counts.
+    In the course of a stretch that begins or ends without a jump, the machine may do something
+    else: only its jump counts.
     """
     x, least, n = log.channels[name], log.level(name).long_fault, log.t.size
     begins, ends = (0 < k < n and bool(abs(x[k] - x[k - 1]) > least) for k in (first, last))
@@ -151,15 +155,22 @@ def _is_contradicted(log: Samples, name: str, first: int, last: int) -> bool:
     return bool(sizes) and max(sizes.values()) < HOLDS * abs(own)
 
 
-def _departure(log: Samples, name: str, first: int, last: int, jumps: tuple[bool, bool], side: float) -> float | None:
-    """Largest departure of the magnitude of a channel from the line between the levels beside a stretch,
-    over the larger one; None where it idles, or where most of it is lost.
+def _departure(
+    log: Samples,
+    name: str,
+    first: int,
+    last: int,
+    jumps: tuple[bool, bool],
+    side: float,
+) -> float | None:
+    """Largest departure of the magnitude of a channel from the line between the levels beside a
+    stretch, over the larger one; None where it idles, or where most of it is lost.
 
     Parameters
     ----------
     jumps : whether the level before and after it shows what the channel departs from
-    side : departure of the suspect, 0 if the channel is the suspect itself; of a witness that to the
-        same side counts
+    side : departure of the suspect, 0 if the channel is the suspect itself; of a witness that to
+        the same side counts
     """
     x, least = log.channels[name], log.level(name).long_fault
     beside = _finite(x[max(first - MEDIAN_OF, 0) : first]), _finite(x[last : last + MEDIAN_OF])
@@ -172,15 +183,17 @@ def _departure(log: Samples, name: str, first: int, last: int, jumps: tuple[bool
     line = np.linspace(sides[0], sides[-1], inside.size)
     off = sign * (inside - line)[known]
     size = max(abs(sides[0]), abs(sides[-1]), float(np.max(np.abs(inside[known]))))
-    if size == 0.0 or (size < least and name != "velocity"):  # a slow line still shows that it goes on
+    # A slow line still shows that it goes on.
+    if size == 0.0 or (size < least and name != "velocity"):
         return None
     to_side = math.copysign(1.0, side or median(off))
     return float(np.max(to_side * off)) * (1.0 if side else to_side) / max(size, least)
 
 
 def _witnesses(log: Samples, name: str, size: float) -> list[str]:
-    """Channels that depart with a channel if the machine makes it depart by so much of its level: all of
-    a line, else those of complete stages. One that never departs so far, as a supply, shows nothing."""
+    """Channels that depart with a channel if the machine makes it depart by so much of its level:
+    all of a line, else those of complete stages. One that never departs so far, as a supply, shows
+    nothing."""
     if not log.by_line and len(log.stages()) < 2 and name != "vdc":
         return []  # the only load may be switched off
     names = [*log.channels] if log.by_line else [n for stage in log.stages() for n in stage]
@@ -193,8 +206,8 @@ def _witnesses(log: Samples, name: str, size: float) -> list[str]:
 
 
 def _is_lost(log: Samples, other: str, name: str, first: int, last: int) -> bool:
-    """Whether another channel holds no measurement over a stretch: far values, one value, or the code or
-    zero of the suspect."""
+    """Whether another channel holds no measurement over a stretch: far values, one value, or the
+    code or zero of the suspect."""
     x, y = _finite(log.channels[name][first:last]), _finite(log.channels[other][first:last])
     if not y.size or not x.size:
         return True
