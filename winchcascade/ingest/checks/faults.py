@@ -8,7 +8,7 @@ A check takes a log and the name of a channel and returns a mask of the samples 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -16,10 +16,13 @@ import numpy as np
 from winchcascade.core.integrate import BLOCK, median, stretches_of
 from winchcascade.core.run import FindingKind, Index, Mask, Signal
 from winchcascade.ingest.checks.samples import OF_NOISE, Samples, limits_of
-from winchcascade.ingest.checks.witnesses import FOLLOW, HOLDS, NEARBY, is_by_machine
-
-SPIKE_LENGTH_MAX = 5
-"""Samples of the longest spike. What lasts longer is judged by the value that it holds. [1]"""
+from winchcascade.ingest.checks.witnesses import (
+    FOLLOW,
+    HOLDS,
+    NEARBY,
+    SPIKE_LENGTH_MAX,
+    is_by_machine,
+)
 
 AGREE = 0.25
 """The neighbours of a spike agree, and so do its samples, within this share of it: no step and no
@@ -239,7 +242,7 @@ def stale(log: Samples, name: str) -> Mask:
         return _still_while_travelling(log, name, held)
     low, high = limits_of(log.rig.sensors.get(name))
     idle = 0.0 if name in MOTIONS else IDLE_SHARE * level.top
-    bad = _beyond_chance(log, name, held, 1.0) & (np.abs(x) > idle)
+    bad = _beyond_chance(log, name, held, _stretches(held, HELD_MIN), 1.0) & (np.abs(x) > idle)
     bad &= (x >= low) & (x <= high)  # beyond that it was clipped
     return bad | _still_while_travelling(log, name, held) if log.has_travel(name) else bad
 
@@ -288,15 +291,22 @@ def filled_gaps(log: Samples, name: str) -> Mask:
         calm[start + 1 : start + 1 + bend.size] = bend <= least
     for a, b in _stretches(x[1:] == x[:-1], HELD_MIN - 1):
         calm[a : b + 1] = False  # what holds one value is judged as stale
+    stretches = []
     for a, b in _stretches(calm, HELD_MIN):
         change = np.diff(x[max(a - 2, 0) : b + 2])
         jump = np.max(np.abs(change[[0, -1]] - median(change)))
-        if jump > level.long_fault or _turns(change[2:-2]) > 0.5 * TURNS:
-            calm[a:b] = False  # what begins with a jump, or flickers, is not on a line
-    return _beyond_chance(log, name, calm, CONTINUES)
+        if jump <= level.long_fault and _turns(change[2:-2]) < 0.5 * TURNS:  # no step, no flicker
+            stretches.append((a, b))
+    return _beyond_chance(log, name, calm, stretches, CONTINUES)
 
 
-def _beyond_chance(log: Samples, name: str, still: Mask, factor: float) -> Mask:
+def _beyond_chance(
+    log: Samples,
+    name: str,
+    still: Mask,
+    stretches: Iterable[tuple[int, int]],
+    factor: float,
+) -> Mask:
     """Stretches that are still for longer than by chance, where a channel is noisy beside them.
 
     The chance of one more still sample is the share of the samples beside a stretch that are still,
@@ -307,16 +317,19 @@ def _beyond_chance(log: Samples, name: str, still: Mask, factor: float) -> Mask:
         return bad
     x, level, motion = log.channels[name], log.level(name), log.motion()
     usual = 2 * np.bincount(motion[still] + 1, minlength=3) > np.bincount(motion + 1, minlength=3)
-    for a, b in _stretches(still, HELD_MIN):
+    for a, b in stretches:
         state = int(motion[(a + b) // 2])
         if factor == 1.0 and usual[state + 1]:
             continue  # in this state it rests
         first = max(a - 8 * BESIDE, 1)
         around = slice(first, b + 8 * BESIDE)
-        near = np.abs(x[around] - x[a]) <= NEAR * level.span + np.ptp(x[a:b])
-        rows = first + np.flatnonzero(near & (motion[around] == state))
+        low, high = np.min(x[a:b]) - NEAR * level.span, np.max(x[a:b]) + NEAR * level.span
+        near = (x[around] >= low) & (x[around] <= high) & (motion[around] == state)
+        rows = first + np.flatnonzero(near)
         sides = [rows[rows < a][-BESIDE:], rows[rows >= b][:BESIDE]]
         both = np.concatenate(sides)
+        if both.size < BESIDE // 4:
+            continue
         groups = [both]
         if factor == 1.0:  # a value repeats rather after one that repeats, as of coarse steps
             groups = [*sides, *(rows[still[rows - 1]] for rows in sides)]

@@ -125,6 +125,7 @@ class Samples(msgspec.Struct):
     lost : (n,) which samples were taken out of each channel
     logged : places and values of those that were taken out as spikes
     levels, moving : what was found of the channels, and of the motion by one of them, until samples are taken out
+    usual_interval : the same of the interval between samples, 0 until it is asked for [s]
     """
 
     t: Signal
@@ -136,6 +137,7 @@ class Samples(msgspec.Struct):
     logged: dict[str, tuple[Index, Signal]] = {}
     levels: dict[str, Level] = {}
     moving: tuple[Signal, Directions] | None = None
+    usual_interval: float = 0.0
 
     def level(self, name: str) -> Level:
         """What a channel usually does."""
@@ -151,7 +153,9 @@ class Samples(msgspec.Struct):
     @property
     def interval(self) -> float:
         """Usual interval between samples. [s]"""
-        return median(np.diff(self.t[:BLOCK]))
+        if not self.usual_interval:
+            self.usual_interval = median(np.diff(self.t[:BLOCK]))
+        return self.usual_interval
 
     def rows(self, seconds: float) -> int:
         """Number of samples in a time, however its digits and those of the stamps are rounded."""

@@ -16,9 +16,16 @@ from winchcascade.ingest.checks.samples import OF_NOISE, OF_RANGE, Samples
 NEARBY = 12
 """Number of samples on either side of an event that show what a channel does without it. [1]"""
 
+OUTRUNS = 5.0
+"""Smallest jump of a channel that follows the line, over what the velocity gives with the mean slope
+of the channel along the stroke: a gas is stiffer at its end. [1]"""
+
 APART = 2.0
 """Smallest change at an event, over the upper quartile of such changes nearby, by which a channel
 shows it. [1]"""
+
+SPIKE_LENGTH_MAX = 5
+"""Samples of the longest spike. What lasts longer is judged by the value that it holds. [1]"""
 
 MEDIAN_OF = 3
 """Number of samples whose median is the level beside an edge: a neighbour may be a spike. [1]"""
@@ -49,10 +56,13 @@ def is_by_machine(log: Samples, name: str, first: int, last: int, *, spike: bool
     A displacement jumps by no more than the velocity gives, and the displacement decides on the
     velocity. The pressure of a volume cannot jump for long, but that of a flow follows a valve.
     """
-    if log.by_line and name == "displacement":
-        return not _outruns(log, first, last)
-    if log.by_line and name == "pressure" and not spike and "flow" not in log.channels:
-        return False
+    if log.by_line and name in FOLLOW and "flow" not in log.channels:
+        if not spike and name == "pressure" and last - first <= SPIKE_LENGTH_MAX:
+            return True
+        if not spike or name == "displacement":
+            outruns = _outruns(log, name, first, last)
+            if outruns or not spike:
+                return not outruns
     if log.has_travel(name):
         with_it, without = _apart_by_travel(log, first, last)
         if with_it < without or (not spike and without < HOLDS * with_it):
@@ -65,16 +75,18 @@ def is_by_machine(log: Samples, name: str, first: int, last: int, *, spike: bool
     return not spike and not _is_contradicted(log, name, first, last)
 
 
-def _outruns(log: Samples, first: int, last: int) -> bool:
-    """Whether a displacement jumps into or out of a stretch by more than the velocity gives."""
-    x, v = log.channels["displacement"], log.channels.get("velocity")
+def _outruns(log: Samples, name: str, first: int, last: int) -> bool:
+    """Whether a channel that follows the line jumps into or out of a stretch by more than the
+    velocity gives."""
+    x, v = log.channels[name], log.channels.get("velocity")
     edges = np.array([k for k in (first, last) if 0 < k < log.t.size])
     if v is None or not edges.size:
         return True
     near = np.clip(edges[:, None] + (-2, -1, 0, 1), 0, v.size - 1)
-    fastest = np.nanmax(np.abs(v[near]), initial=0.0)
-    travel = fastest * (log.t[edges] - log.t[edges - 1])
-    return bool(np.any(np.abs(x[edges] - x[edges - 1]) > 2.0 * travel))
+    travel = np.nanmax(np.abs(v[near]), initial=0.0) * (log.t[edges] - log.t[edges - 1])
+    if name != "displacement" and "displacement" in log.channels:
+        travel *= log.level(name).span / (log.level("displacement").span or math.inf)
+    return bool(np.any(np.abs(x[edges] - x[edges - 1]) > OUTRUNS * travel))
 
 
 def _apart_by_travel(log: Samples, first: int, last: int) -> tuple[float, float]:
