@@ -15,6 +15,7 @@ from pathlib import Path
 
 import contradictions  # noqa: F401  registers its faults
 import injected_files  # noqa: F401  registers its faults
+import whole_channels  # noqa: F401  registers its faults
 from clean import SOURCES, false_findings
 from injected import FAULTS, trial
 from verdicts import counts, judged, letters, names, table

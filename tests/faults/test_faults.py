@@ -3,6 +3,7 @@
 import contradictions  # noqa: F401  registers its faults
 import injected_files  # noqa: F401  registers its faults
 import pytest
+import whole_channels  # noqa: F401  registers its faults
 from clean import SHARED, SOURCES, false_findings
 from gate import is_worse, recorded
 from injected import FAULTS

@@ -10,6 +10,7 @@ from campaign_log import HEAD, NAMES, ROWS, SAME, UNITS, clean, efficiencies, ki
 from winchcascade import read_run
 from winchcascade.core.errors import LogError
 from winchcascade.ingest.formats.text import find_encoding
+from winchcascade.ingest.layout import waveform
 
 GLUED = [header.replace(" ", "") for header in HEAD]
 NO_TIME = [row[1:] for row in ROWS]
@@ -230,3 +231,22 @@ def test_headings_that_labview_repeats_are_no_rows(axis: str, decimal: str, tmp_
     assert kinds(run) == set()
     assert run.samples == len(ROWS)
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
+
+
+RATES = """40 ms|0.04 s|40000 us|25 Hz|0.025 kHz|25000 mHz|25 S/s|0.025 kS/s|25 Sa/s|25 sps|25 samples/s|1500 samples/min|25 /s
+25 samples per second|1500 1/min|25 1/s|25 per second|40 milliseconds|25 Hz nominal|0.000025 MHz""".replace(
+    "\n", "|"
+).split("|")
+
+
+@pytest.mark.parametrize("key", ["Sample rate", "Sampling interval"])
+@pytest.mark.parametrize("value", RATES)
+def test_the_unit_decides_whether_a_preamble_states_a_period_or_a_rate(key: str, value: str) -> None:
+    assert waveform({key: value}) == (pytest.approx(0.04), 0.0)
+    number, _, unit = value.partition(" ")
+    assert waveform({f"{key} ({unit})": number}) == (pytest.approx(0.04), 0.0)
+
+
+@pytest.mark.parametrize("value", ["25 N", "0.5 mm/s", "115200 baud", "25 furlongs"])
+def test_a_rate_in_a_unit_that_is_none_of_time_or_frequency_is_no_rate_of_samples(value: str) -> None:
+    assert waveform({"Rate": value}) == (None, 0.0)

@@ -183,3 +183,38 @@ def test_a_saturated_power_at_the_terminals_is_reported(tmp_path: Path) -> None:
     rig = RIG.replace('"gen"', '"ac"') + '[columns]\npower_ac = "P_ac (W)"\n'
     found = [f["kind"] for f in reduced(tmp_path, channels, rig)[1] if f["channel"] == "power_ac"]
     assert "out_of_range" in found
+
+
+def flywheel(step: float, idle: float, coasts: bool) -> dict[str, np.ndarray]:
+    """A flywheel that a quiet supply of 24 V drives for 28 s, and that then runs into 8 ohm.
+
+    Parameters
+    ----------
+    step : of the voltage [V]
+    idle : current of the supply at the end [A]
+    coasts : whether the voltage shows the speed between supply and load
+    """
+    rng, t = np.random.default_rng(1), np.arange(0.0, 80.0, STEP)
+    on, brakes = (t > 10.0) & (t < 38.0), (t >= 40.0) & (t < 70.0)
+    spins_up = 250.0 * (1.0 - np.exp(-np.clip(t - 10.0, 0.0, 28.0) / 6.0))
+    omega = spins_up * np.exp(-np.clip(t - 38.0, 0.0, None) / 15.0)
+    volt = np.where(on, 24.0, np.where(brakes | coasts, 0.08 * omega, 0.0))
+    drawn = idle + 12.0 * np.exp(-np.clip(t - 10.0, 0.0, None) / 6.0)
+    amperes = np.where(on, drawn, np.where(brakes, volt / 8.0, 0.0))
+    torque = np.where(on, 0.05 * amperes, np.where(brakes, -0.06 * amperes, -0.005))
+    return {
+        "Speed (rpm)": np.round(omega * 30.0 / np.pi + rng.normal(0.0, 0.5, t.size), 1),
+        "Torque (N.m)": np.round(torque + rng.normal(0.0, 0.01, t.size), 3),
+        "Vdc (V)": step * np.round((volt + rng.normal(0.0, 0.004, t.size)) / step),
+        "Idc (A)": np.round(amperes + rng.normal(0.0, 0.02, t.size), 3),
+    }
+
+
+@pytest.mark.parametrize("coasts", [False, True])
+@pytest.mark.parametrize("idle", [0.0, 0.5, 3.0])
+@pytest.mark.parametrize("step", [0.001, 0.1])
+def test_a_supply_that_is_quiet_is_no_fault_of_the_voltage(
+    step: float, idle: float, coasts: bool, tmp_path: Path
+) -> None:
+    _, quality = reduced(tmp_path, flywheel(step, idle, coasts))
+    assert faults(quality) == []

@@ -100,5 +100,6 @@ def test_gaps_and_a_moved_cutoff_err_independently_and_make_a_fault_where_they_m
     changed = energy_error(T, watts, gaps, spans, np.array([0.1, 0.0]), WIDTH)
     alone = np.append(bridging_error(T, watts, gaps, WIDTH), 0.1 * np.interp(9.0, T, watts))
     assert changed == pytest.approx([np.sqrt(np.sum(alone**2)), 0.0])
-    faults = gap_faults("line", "its window", gaps, spans, np.array([0.067, 0.001]), RULES)
+    longest, share = np.full(2, RULES.gap_max), np.array([0.067, 0.001])
+    faults = gap_faults("line", "its window", gaps, spans, longest, share, RULES.gap_energy_max)
     assert list(faults) == [0]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise, zip_longest
 
 from winchcascade.core.errors import LogError
-from winchcascade.core.quantity import find_unit
+from winchcascade.core.quantity import TURN, find_unit
 from winchcascade.ingest.cells import is_value, looks_like_a_number
 from winchcascade.ingest.headers import Header, recognise
 
@@ -170,7 +170,7 @@ _RATE_KEYS = frozenset(
     acquisitionrate fs rate abtastrate abtastfrequenz messrate fréquencedéchantillonnage 取樣率 取樣頻率 採樣率 採樣頻率
     采样率 采样频率 サンプリング周波数 サンプリングレート""".split()
 )
-_AMOUNT = re.compile(r"\s*([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)[\s,;]*([^\s,;()\[\]]*)")
+_AMOUNT = re.compile(r"\s*([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)[\s,;]*([^,;()\[\]]*)")
 
 
 def waveform(properties: Mapping[str, str]) -> tuple[float | None, float]:
@@ -187,13 +187,31 @@ def waveform(properties: Mapping[str, str]) -> tuple[float | None, float]:
         amount = _AMOUNT.match(value)
         if amount is None:
             continue
-        number, unit = float(amount[1].replace(",", ".")), bracket.strip(" )]）") or amount[2]
-        if spellings & _STEP_KEYS and number > 0:
-            scale = find_unit(unit or "s")
-            step = number * scale.factor if scale is not None and scale.dimension == "time" else step
-        elif spellings & _RATE_KEYS and number > 0:
-            small = unit.casefold()  # Hz, kHz, S/s, kS/s, samples per minute
-            step = 1.0 / (number * (1.0 / 60.0 if "min" in small else {"k": 1e3, "m": 1e6}.get(small[:1], 1.0)))
+        number, unit = float(amount[1].replace(",", ".")), bracket.strip(" )]）") or amount[2].strip()
+        usual = "s" if spellings & _STEP_KEYS else "Hz" if spellings & _RATE_KEYS else None
+        if usual is not None and number > 0:
+            step = sampling_interval(number, unit or usual) or step
         elif letters == "x0":
             start = number
     return step, start
+
+
+def sampling_interval(number: float, unit: str) -> float | None:
+    """Interval between samples of a period or a rate in any unit of time or frequency; None for a text
+    that is neither. [s]
+
+    A preamble may call either of them a rate, so that the unit decides.
+
+    >>> sampling_interval(40.0, "ms"), sampling_interval(25.0, "samples per second")
+    (0.04, 0.04)
+    """
+    unit = re.sub(r"^(/|per\s)\s*", "1/", unit)
+    scale = find_unit(unit)
+    if scale is None and " " in unit:
+        scale = find_unit(unit.split()[0])  # a remark follows
+    if scale is not None and scale.dimension == "time":
+        return number * scale.factor
+    rates = {"frequency": 1.0, "rotation": TURN}  # 1/min is a speed of rotation elsewhere
+    if scale is None or scale.dimension not in rates:
+        return None
+    return rates[scale.dimension] / (number * scale.factor)

@@ -39,6 +39,7 @@ from winchcascade.core.viewed import LateModule
 from winchcascade.ingest.assign import Assignment, assign, load_column, of_machine
 from winchcascade.ingest.checks.quality import check
 from winchcascade.ingest.clock import Clock
+from winchcascade.ingest.clock_steps import without_steps
 from winchcascade.ingest.headers import nameless
 from winchcascade.ingest.log_clock import first_stamp, is_clock, log_clock, start_of
 from winchcascade.ingest.open_log import open_log
@@ -266,6 +267,8 @@ def _run_of(loaded: _Loaded, settings: LogSettings, *, where: str, simulated: bo
     if load is None:
         load, load_source, load_findings = stated_load(source, table)
     channels = _channels(table, found, clock)
+    if not (rows or found.simulated or simulated):
+        clock = without_steps(clock, channels, where, settings.repairs)
     if rows:
         checked = steps_of_rows(channels, rig)
     else:

@@ -14,10 +14,9 @@ from msgspec.structs import replace
 
 from winchcascade.core.cascade import ELECTRICAL
 from winchcascade.core.integrate import integrals, integrals_of
-from winchcascade.core.rig_file import Thresholds
 from winchcascade.core.run import Signal
 from winchcascade.reduction.efficiency import NOTHING, SMALLEST, ratio
-from winchcascade.reduction.gap_error import energy_error, gap_limits, gaps_of, instant_error
+from winchcascade.reduction.gap_error import OF_PHASE, energy_error, gap_limits, gaps_of, instant_error
 from winchcascade.reduction.phased_run import PhasedRun, Window, onsets, travel_in
 from winchcascade.reduction.phases import Cycle
 
@@ -139,6 +138,7 @@ def integrate_energies(phased: PhasedRun, windows: Sequence[Window], nets: Seque
     joules: dict[str, list[float] | None] = dict.fromkeys(cascade.parts)
     bridged: dict[str, tuple[float, ...]] = {}
     faults: dict[str, dict[int, str]] = {"its window": {}, "the cycle": {}}
+    payouts = np.array([cycle.payout_end - cycle.onset for cycle in phased.cycles])
     for name, (stage, span) in cascade.parts.items():
         power = powers[stage]
         if power is None:
@@ -158,7 +158,11 @@ def integrate_energies(phased: PhasedRun, windows: Sequence[Window], nets: Seque
             flow = energy if rig.phases.by_motion else integrals(run.t, np.abs(watts).__getitem__, spans[span])
             share = np.where(np.ptp(spans[span], axis=1) > 0.0, changed / np.maximum(np.abs(flow), nothing), 0.0)
             place = "its window" if span == "window" else "the cycle"
-            faults[place] = gap_faults(name, place, gaps, spans[span], share, limits) | faults[place]
+            phase = np.maximum(payouts, np.ptp(spans[span], axis=1))
+            longest = np.minimum(limits.gap_max, OF_PHASE * phase + 1.0 / run.fs)
+            limit = limits.gap_energy_max
+            found = gap_faults(name, place, gaps, spans[span], longest, share, limit)
+            faults[place] = found | faults[place]
     return Energies(
         [replace(w, fault=w.fault or faults["its window"].get(k)) for k, w in enumerate(windows)],
         [replace(n, reason=n.reason or faults["the cycle"].get(k)) for k, n in enumerate(nets)],
@@ -167,18 +171,30 @@ def integrate_energies(phased: PhasedRun, windows: Sequence[Window], nets: Seque
     )
 
 
-def gap_faults(name: str, place: str, gaps: Signal, spans: Signal, share: Signal, limits: Thresholds) -> dict[int, str]:
-    """Faults of the spans in which a gap is too long, or in which bridging could change the energy by too much.
+def gap_faults(
+    name: str,
+    place: str,
+    gaps: Signal,
+    spans: Signal,
+    longest: Signal,
+    share: Signal,
+    limit: float,
+) -> dict[int, str]:
+    """Faults of the spans in which a gap is too long, or in which bridging could change the energy by
+    too much.
 
     Parameters
     ----------
     name, place : of the energy, and what its spans are called
-    share : of the energy in each span that bridging could change, (k,) [1]
+    longest : gap in each span that may be bridged, (k,) [s]
+    share, limit : of the energy in each span that bridging could change, (k,), and may change [1]
     """
     found: dict[int, str] = {}
-    for begin, end in gaps[gaps[:, 1] - gaps[:, 0] > limits.gap_max]:
-        for k in np.flatnonzero((spans[:, 0] < end) & (spans[:, 1] > begin)).tolist():
+    width = gaps[:, 1] - gaps[:, 0]
+    for begin, end in gaps[width > np.min(longest, initial=np.inf)].tolist():
+        touched = (spans[:, 0] < end) & (spans[:, 1] > begin) & (end - begin > longest)
+        for k in np.flatnonzero(touched).tolist():
             found.setdefault(k, f"a gap of {end - begin:.2f} s lies in {place} (E_{name})")
-    for k in np.flatnonzero(share > limits.gap_energy_max).tolist():
+    for k in np.flatnonzero(share > limit).tolist():
         found.setdefault(k, f"bridging its gaps could change E_{name} by {min(share[k], 9.99):.1%}")
     return found

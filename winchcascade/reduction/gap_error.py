@@ -24,6 +24,9 @@ SLOPE_MIN = 0.02
 """Smallest acceleration with which a velocity passes a level, as a share of the onset speed over the width that smooths it; a
 gap moves an instant by no more than its own length. [1]"""
 
+OF_PHASE = 0.05
+"""Largest share of a phase that one bridge may replace: what is drawn there is no measurement. [1]"""
+
 WHOLE_RECORD, WHOLE_ENERGY = 0.01, 0.05
 """Shares of a whole record that a gap in it may last, and of its energy that bridging may change: it has no neighbours that
 could take its place, and its uncertainty contains what bridging may change. [1]"""

@@ -60,6 +60,11 @@ class Level(NamedTuple):
         return self.high - self.low
 
     @property
+    def top(self) -> float:
+        """Largest magnitude in this range."""
+        return max(abs(self.low), abs(self.high))
+
+    @property
     def fault(self) -> float:
         """Smallest jump of a fault: beyond noise, and beyond two neighbouring values of a coarse channel."""
         return max(OF_RANGE * self.span, OF_NOISE * self.noise, 2.5 * self.step)
@@ -120,6 +125,7 @@ class Samples(msgspec.Struct):
     lost : (n,) which samples were taken out of each channel
     logged : places and values of those that were taken out as spikes
     levels, moving : what was found of the channels, and of the motion by one of them, until samples are taken out
+    usual_interval : the same of the interval between samples, 0 until it is asked for [s]
     """
 
     t: Signal
@@ -131,6 +137,7 @@ class Samples(msgspec.Struct):
     logged: dict[str, tuple[Index, Signal]] = {}
     levels: dict[str, Level] = {}
     moving: tuple[Signal, Directions] | None = None
+    usual_interval: float = 0.0
 
     def level(self, name: str) -> Level:
         """What a channel usually does."""
@@ -146,7 +153,9 @@ class Samples(msgspec.Struct):
     @property
     def interval(self) -> float:
         """Usual interval between samples. [s]"""
-        return median(np.diff(self.t[:BLOCK]))
+        if not self.usual_interval:
+            self.usual_interval = median(np.diff(self.t[:BLOCK]))
+        return self.usual_interval
 
     def rows(self, seconds: float) -> int:
         """Number of samples in a time, however its digits and those of the stamps are rounded."""
@@ -156,6 +165,10 @@ class Samples(msgspec.Struct):
     def by_line(self) -> bool:
         """Whether the log has the motion of a line."""
         return "velocity" in self.channels or "displacement" in self.channels
+
+    def has_travel(self, name: str) -> bool:
+        """Whether a channel is the velocity of a line whose displacement is logged, too."""
+        return name == "velocity" and "displacement" in self.channels
 
     def stages(self) -> list[tuple[str, ...]]:
         """Channels of each product of which the powers of the stages are sums, in the direction in which power flows."""
