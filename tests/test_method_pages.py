@@ -23,7 +23,7 @@ from winchcascade.core.toml_file import struct_fields
 from winchcascade.diagnosis import verdict_limits
 from winchcascade.diagnosis.fit import nuisances
 from winchcascade.diagnosis.judge import closure
-from winchcascade.ingest.checks import agreement, faults, lost_rows, samples, sensors
+from winchcascade.ingest.checks import agreement, faults, lost_rows, samples, sensors, witnesses
 from winchcascade.reduction import efficiency_between_runs as between_runs
 from winchcascade.reduction import efficiency_changes, energies, gap_error, phases, wave_bootstrap
 from winchcascade.reduction.checks import at_rest, bounds, cycles, load, phased_log, relations
@@ -65,11 +65,11 @@ WIDTH = RULES.smoothing
 """What the page writes in seconds and metres is of the paper's rig: shares of its thresholds."""
 
 CHECKED = {
-    "`spike`: one to 5 samples": (faults.SHORT, PERCENT * samples.OF_RANGE, samples.OF_NOISE, PERCENT * faults.AGREE),
+    "`spike`: one to 5 samples": (witnesses.SPIKE_LENGTH_MAX, PERCENT * samples.OF_RANGE, samples.OF_NOISE, PERCENT * faults.AGREE),
     "`spike`: code": (
-        samples.FAR, PERCENT * samples.OF_RANGE * samples.LONGER, WIDTH * faults.HELD_TIME, PERCENT * faults.ONE_END,
+        samples.FAR, PERCENT * samples.OF_RANGE * samples.LONGER, PERCENT * faults.ONE_END,
     ),
-    "`stuck`": (faults.MIN_HELD, math.exp(faults.CERTAIN), RULES.stroke_min * faults.TRAVEL),
+    "`stuck`": (faults.HELD_MIN, math.exp(faults.CERTAIN), RULES.stroke_min * faults.TRAVEL),
     "`clock_mismatch`: jump": (lost_rows.LARGE[0], lost_rows.MAX_JUMPS),
     "`clock_mismatch` ": (PERCENT * agreement.UNIT, agreement.GAIN_MAX),
     "`out_of_range`": (sensors.MIN_REPEATS, PERCENT * agreement.GAIN, agreement.CERTAIN_U),

@@ -242,9 +242,9 @@ RATES = """40 ms|0.04 s|40000 us|25 Hz|0.025 kHz|25000 mHz|25 S/s|0.025 kS/s|25 
 @pytest.mark.parametrize("key", ["Sample rate", "Sampling interval"])
 @pytest.mark.parametrize("value", RATES)
 def test_the_unit_decides_whether_a_preamble_states_a_period_or_a_rate(key: str, value: str) -> None:
-    assert waveform({key: value}) == (pytest.approx(0.04), 0.0)
+    assert waveform({key: value}) == pytest.approx((0.04, 0.0))
     number, _, unit = value.partition(" ")
-    assert waveform({f"{key} ({unit})": number}) == (pytest.approx(0.04), 0.0)
+    assert waveform({f"{key} ({unit})": number}) == pytest.approx((0.04, 0.0))
 
 
 @pytest.mark.parametrize("value", ["25 N", "0.5 mm/s", "115200 baud", "25 furlongs"])
