@@ -45,6 +45,9 @@ ROUGH = 0.02
 FAR = 12.0
 """Evidence by which a set is so far behind the best that its fit may stay rough: e^-12 of its probability."""
 
+NEAR_ZERO = 2.0
+"""Magnitude of the nuisances, in their tolerances, up to which residuals are linear in them about 0. [1]"""
+
 SINGLES = 3
 """Number of the single suspects with the most evidence from which the search starts too."""
 
@@ -265,6 +268,9 @@ def search(problem: Problem, on_progress: Callable[[str], None] = lambda _: None
     start : best set of nearly the same problem, where the path from none begins
     """
     marginal = marginal_about(problem, [], np.zeros(problem.nuisances))
+    given = fit_set(problem, marginal, ())
+    if np.max(np.abs(given.nu), initial=0.0) > NEAR_ZERO:
+        marginal = marginal_about(problem, [], given.nu)
     null, expansion = expand(problem, marginal, (), {}, 1.0)
     found = Found(null, null, {(): null}, expansion, marginal, {(): Centre(null, expansion, marginal)})
     _go(found, found.about(start) if start is not None and start.names else found.centres[()], on_progress)

@@ -45,10 +45,13 @@ def concluded(data: Fitted, found: Found, held_out: HeldOut, on_progress: Callab
 
 
 def predicting_best(found: Found, held_out: HeldOut) -> Found:
-    """A search without a best set of several causes of which fewer, or another effect alone, predict held-out logs better; or
-    as well, where causes of the set cancel each other.
+    """A search without a best set that predicts held-out logs worse than nothing does, and without one of several causes of
+    which fewer, or another effect alone, predict them better; or as well, where causes of the set cancel each other.
     """
     best, data = found.best, held_out.data
+    if best.names and held_out.of(found, best).high < 0.0:
+        without = msgspec.structs.replace(found, rejected=found.rejected | {best.names})
+        return predicting_best(gone_on(without), held_out)
     if len(best.names) < 2:
         return found
     fewer = [found.fit(tuple(n for n in best.names if n != name)) for name in best.names]
