@@ -65,7 +65,9 @@ WIDTH = RULES.smoothing
 """What the page writes in seconds and metres is of the paper's rig: shares of its thresholds."""
 
 CHECKED = {
-    "`spike`: one to 5 samples": (witnesses.SPIKE_LENGTH_MAX, PERCENT * samples.OF_RANGE, samples.OF_NOISE, PERCENT * faults.AGREE),
+    "`spike`: one to 5 samples": (
+        witnesses.SPIKE_LENGTH_MAX, PERCENT * samples.OF_RANGE, samples.OF_NOISE, PERCENT * faults.AGREE,
+    ),
     "`spike`: code": (
         samples.FAR, PERCENT * samples.OF_RANGE * samples.LONGER, PERCENT * faults.ONE_END,
     ),

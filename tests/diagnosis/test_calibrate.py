@@ -166,7 +166,7 @@ def test_a_calibration_does_not_depend_on_an_earlier_one() -> None:
     rig = calibrated = estimated_rig()
     for n in found_in_noise().numbers:
         record = Calibrated("earlier.csv", "", quantity_of(rig, n.section, n.name))
-        earlier = Quantity(1.2 * n.value, n.unit, "", 1e-6 * n.value, record)
+        earlier = Quantity(0.9 * n.value, n.unit, "", 1e-6 * n.value, record)
         calibrated = with_quantity(calibrated, n.section, n.name, earlier)
     assert before_calibration(calibrated) == rig
     assert calibrate(noisy(), calibrated).numbers == found_in_noise().numbers

@@ -289,7 +289,7 @@ def test_toml_with_carriage_returns_and_a_mark_says_the_same(kind: str, tmp_path
     log = tmp_path / "campaign" / LOG.name
     files = {
         "campaign": (ROOT / "fixtures/campaign/campaign.toml", tmp_path / "campaign" / "campaign.toml"),
-        "rig": (ROOT / "winchcascade/rigfiles/hsu2026.toml", tmp_path / "rig.toml"),
+        "rig": (ROOT / "fixtures/campaign/rig.toml", tmp_path / "rig.toml"),
         "table": (ROOT / "winchcascade/published/hsu2026-table2.toml", tmp_path / "table.toml"),
     }
     source, file = files[kind]

@@ -101,7 +101,7 @@ def test_shares_of_the_budget_add_up_to_the_whole(results: dict[str, Result], lo
     for column, cells in columns(table).items():
         if re.match(r"E_|eta_", column):
             assert sum(value(cell) or 0.0 for cell in cells) == pytest.approx(100.0)
-    known = {"limits", "calibration in place", "standard uncertainty", "expanded uncertainty", "resampling"}
+    known = {"limits", "calibration in place", "standard uncertainty", "expanded uncertainty", "resampling", "relation"}
     assert {str(cell) for cell in columns(table)["known by"] if cell} <= known
 
 

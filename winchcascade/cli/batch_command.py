@@ -60,7 +60,6 @@ def batch_command(
     A second call reduces only logs of which the content, the options or the version changed. The exit code is 1 if a log
     failed.
     """
-    from winchcascade.batch.campaign_loss_map import check_one_map
     from winchcascade.batch.plan import make_plan, without_campaign
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.reduction.reduce import window_rule
@@ -73,6 +72,8 @@ def batch_command(
     rule = None if window is None else window_rule(window)
     plan = make_plan(targets, rig=rig, window=rule, load_ohm=load_ohm)
     if outputs["loss_map"] is not None:
+        from winchcascade.batch.campaign_loss_map import check_one_map
+
         check_one_map(plan, outputs["loss_map"])
     products, workers = Products(REPORTS[reports], excel, given_command()), Workers(jobs or processes(), scheduler)
     with Progress(plan.title) as watch:
