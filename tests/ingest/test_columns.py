@@ -6,6 +6,7 @@ import tomllib
 from collections import Counter
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import pytest
 from campaign_log import HEAD, NAMES, ROWS, SAME, UNITS, clean, efficiencies, kinds, read, scaled, text
@@ -24,20 +25,34 @@ TABLE = tomllib.loads((Path(headers.__file__).parent / "column_names.toml").read
 LISTED = [(channel, name) for channel in DIMENSION for name in TABLE[channel]["names"].split()]
 UNIT = {"time": "s"} | {name: channel.unit for name, channel in CHANNELS.items()}
 
-PUBLIC = tomllib.loads((Path(__file__).parent / "headers" / "public_logs.toml").read_text(encoding="utf-8"))["log"]
-RECOGNISED = 0.8
-"""Smallest share of the channels of public logs that are recognised without a rig file."""
+PUBLIC, FOUR_LANGUAGES = (
+    tomllib.loads((Path(__file__).parent / "headers" / file).read_text(encoding="utf-8"))["log"]
+    for file in ("public_logs.toml", "four_languages.toml")
+)
+RECOGNISED = [(PUBLIC, 0.8), (FOUR_LANGUAGES, 0.85)]
+"""Smallest share of the channels of each set of headers that are recognised without a rig file."""
 
 ROUNDED = 1e-5
 """Factors below are given to six digits or more."""
 
 
-def test_columns_of_public_logs_are_recognised_and_none_wrongly() -> None:
-    found = [(recognise(Header(n, u or None)) or "", right, n) for log in PUBLIC for n, u, right in log["headers"]]
+@pytest.mark.parametrize(("logs", "share"), RECOGNISED, ids=["public", "four languages"])
+def test_columns_of_many_logs_are_recognised_and_none_wrongly(logs: list[dict[str, Any]], share: float) -> None:
+    found = [(recognise(Header(n, u or None)) or "", right, n) for log in logs for n, u, right in log["headers"]]
     assert [name for channel, right, name in found if channel not in ("", right)] == []
     count = Counter(channel == right for channel, right, _ in found if right)
-    assert count[True] >= RECOGNISED * count.total()
+    assert count[True] >= share * count.total()
+
+
+def test_the_headers_of_public_logs_come_from_many_repositories() -> None:
     assert len({log["repository"] for log in PUBLIC}) >= 10
+
+
+def test_no_header_of_four_languages_is_another_channel_without_its_unit() -> None:
+    headers = [
+        (name.partition("(")[0].partition("[")[0], right) for log in FOUR_LANGUAGES for name, _, right in log["headers"]
+    ]
+    assert [name for name, right in headers if recognise(Header(name)) not in (None, right)] == []
 
 
 def test_a_listed_name_with_the_unit_of_its_channel_is_that_channel() -> None:
