@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from campaign_log import HEAD, NAMES, ROWS, SAME, UNITS, clean, efficiencies, kinds, read, scaled, text
+from campaign_log import HEAD, NAMES, ROWS, SAME, SOURCE, UNITS, clean, efficiencies, kinds, read, scaled, text, write
 from loops import failures
 
 from winchcascade import Run, read_run
 from winchcascade.core.channels import CHANNELS
-from winchcascade.core.errors import LogError
+from winchcascade.core.errors import LogError, RigError
 from winchcascade.core.quantity import KGF
 from winchcascade.core.quantity import UNITS as UNIT_TABLE
 from winchcascade.core.rig_toml import parse_rig
@@ -204,10 +204,52 @@ def test_a_column_that_the_rig_names_and_the_log_lacks_is_named_with_what_comes_
     mine = 'based_on = "hsu2026"\nname = "mine"\n[columns]\n{} = "{}"\n'
     with pytest.raises(LogError, match=r"no column 'Velocty', .*near it: 'Velocity \(m/s\)'.*\[columns\]"):
         read(tmp_path, text(), rig=parse_rig(mine.format("velocity", "Velocty"), "rig.toml"))
-    run = read(tmp_path, text(), rig=parse_rig(mine.format("torque", "Torque (Nm)"), "rig.toml"))
+    run = read(tmp_path, text(), rig=parse_rig(mine.format("torque", "Torqe (N.m)"), "rig.toml"))
     finding, *_ = run.findings
     assert (finding.kind, finding.channel) == ("missing_channel", "torque")
     assert "near it: 'Torque (N.m)'" in finding.message
+
+
+SEVERAL = parse_rig('based_on = "hsu2026"\nname = "mine"\n[columns]\nforce = ["LC-17 [N]", "Celda"]\n', "rig.toml")
+
+
+def forces(run: Run) -> list[float]:
+    return list(run.channels["force"].tolist())
+
+
+@pytest.mark.parametrize("name", ["LC-17 [N]", "LC-17 (N)", "Celda", "Celda [N]", "Force (N)"])
+def test_a_rig_file_names_a_column_in_several_ways(name: str, tmp_path: Path) -> None:
+    head = [name if one == "Force (N)" else one for one in HEAD]
+    run = read(tmp_path, text(ROWS, head), rig=SEVERAL)
+    assert "missing_channel" not in kinds(run)
+    assert forces(run) == forces(read_run(SOURCE))
+
+
+def test_a_name_with_a_unit_is_that_of_a_column_with_a_row_of_units(tmp_path: Path) -> None:
+    names = ["LC-17" if one == "Force" else one for one in NAMES]
+    run = read(tmp_path, text([UNITS, *ROWS], names), rig=SEVERAL)
+    assert forces(run) == forces(read_run(SOURCE))
+
+
+def test_a_log_with_two_of_the_names_of_a_channel_is_rejected(tmp_path: Path) -> None:
+    head = {"Force (N)": "LC-17 [N]", "Pressure (kg/cm2)": "Celda"}
+    with pytest.raises(LogError, match=r"2 columns .* force: LC-17 \[N\], Celda"):
+        read(tmp_path, text(ROWS, [head.get(one, one) for one in HEAD]), rig=SEVERAL)
+
+
+def test_an_entry_of_a_campaign_names_columns_of_its_own(tmp_path: Path) -> None:
+    head = {"Force (N)": "LC-17 [N]", "Pressure (kg/cm2)": "Celda"}
+    log = write(tmp_path, text(ROWS, [head.get(one, one) for one in HEAD]))
+    (tmp_path / "rig.toml").write_text(
+        'based_on = "hsu2026"\nname = "mine"\n[columns]\nforce = ["LC-17 [N]", "Celda"]\n'
+    )
+    entry = 'rig = "rig.toml"\n[[run]]\nfile = "log.csv"\ncolumns = {}\n'
+    campaign = tmp_path / "campaign.toml"
+    campaign.write_text(entry.format('{ force = "LC-17 [N]", pressure = "Celda" }'))
+    assert forces(read_run(log)) == forces(read_run(SOURCE))
+    campaign.write_text(entry.format('{ forse = "LC-17 [N]" }'))
+    with pytest.raises(RigError, match=r"campaign\.toml: log\.csv: \[columns\] forse"):
+        read_run(log)
 
 
 def test_a_log_with_the_columns_of_a_built_in_rig_is_referred_to_it(shared: Path) -> None:

@@ -20,7 +20,7 @@ from winchcascade.core.plain_text import one_line
 from winchcascade.core.quantity import find_unit, read_as, unit_names
 from winchcascade.core.rig_file import NUMBERS_OF
 from winchcascade.core.rig_toml import BUILT_IN, DEFAULT_RIG, built_in, built_in_text, parse_rig
-from winchcascade.ingest.assign import named_column, near_channel
+from winchcascade.ingest.assign import has_columns, near_channel
 from winchcascade.ingest.log_facts import ColumnFacts, LogFacts
 from winchcascade.ingest.named_load import named_loads
 from winchcascade.ingest.read import read_by
@@ -138,8 +138,7 @@ def fitting_rig(log: LogFacts, near: Candidates, *, loads: bool) -> tuple[str, s
     """
     headers = [column.header for column in log.columns]
     for name in BUILT_IN:
-        columns = built_in(name).columns.values()
-        if columns and all(named_column(headers, column.name) is not None for column in columns):
+        if has_columns(headers, built_in(name)):
             return name, "the logs have the columns of this rig"
     possible = {
         *log.channels,
