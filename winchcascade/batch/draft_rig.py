@@ -73,7 +73,10 @@ _NUMBERS = """\
 
 
 def rig_text(logs: Sequence[LogFacts], name: str) -> str:
-    """Text of a rig file for logs of one rig; cycles and numbers are drafted by the kind that most of the logs are of."""
+    """Text of a rig file for logs of one rig.
+
+    Cycles and numbers are drafted by the kind that most of the logs are of.
+    """
     kinds = _kinds(logs)
     log, named = kinds[0][0], named_loads([log.path.name for log in logs]).values()
     loads = len({one.ohm for one in named if one.certain} | {log.load for log in logs if log.load is not None}) > 1
@@ -102,7 +105,7 @@ def _thresholds(logs: Sequence[LogFacts]) -> list[str]:
 
 
 def _kinds(logs: Sequence[LogFacts]) -> list[list[LogFacts]]:
-    """The logs by their columns, the kind of most of them first, and in each kind those first that can be read."""
+    """The logs by their columns; the most frequent kind comes first, and in it logs that can be read."""
     kinds: dict[tuple[str, ...], list[LogFacts]] = {}
     for log in sorted(logs, key=lambda log: log.fault != ""):
         kinds.setdefault(tuple(column.name for column in log.columns), []).append(log)
@@ -112,9 +115,9 @@ def _kinds(logs: Sequence[LogFacts]) -> list[list[LogFacts]]:
 def candidates(log: LogFacts, *, loads: bool) -> Candidates:
     """Columns that may be each channel that was not found, by name first, then by unit; a column that is constant is none.
 
-    For a log that cannot be read yet, columns that have the name and the unit of a channel are no candidates: they are
-    found later. Where logs or their names state loads, a few columns without unit that are left over may be any channel of a
-    cascade with a DC link for which nothing else is there.
+    For a log that cannot be read yet, columns that have the name and the unit of a channel are no
+    candidates: they are found later. Where logs or their names state loads, a few columns without unit
+    that are left over may be any channel of a cascade with a DC link for which nothing else is there.
     """
     taken = {column.name for column in log.columns if column.channel in (*log.channels, "time")}
     free = [column for column in log.columns if column.name not in taken and column.low < column.high]
@@ -153,13 +156,15 @@ def fitting_rig(log: LogFacts, near: Candidates, *, loads: bool) -> tuple[str, s
 
 
 def _columns(each: Sequence[tuple[LogFacts, Candidates]]) -> list[str]:
-    """Entries of [columns] as comments: channels that were found without a unit, and candidates for those that were not.
+    """Entries of [columns] as comments: channels without a unit, and candidates for those not found.
 
     Where logs are of several kinds, an entry has one column of each.
     """
-    lines, several = [], len(each) > 1
+    lines = []
+    several = len(each) > 1
     for channel in dict.fromkeys(chain(*(log.without_unit for log, _ in each))):
-        found = [c for log, _ in each if channel in log.without_unit for c in log.columns if c.channel == channel]
+        logs = [log for log, _ in each if channel in log.without_unit]
+        found = [column for log in logs for column in log.columns if column.channel == channel]
         if found and channel in CHANNELS:
             beyond = next(filter(None, (_beyond(channel, one) for one in found)), "")
             reason = f"names no unit; taken as {CHANNELS[channel].unit}{beyond}"
@@ -168,8 +173,8 @@ def _columns(each: Sequence[tuple[LogFacts, Candidates]]) -> list[str]:
         rows = [*zip_longest(*(near.get(channel, ()) for _, near in each))]
         more = f"; {len(rows) - CANDIDATES_MAX} more fit" if len(rows) > CANDIDATES_MAX else ""
         for row in rows[:CANDIDATES_MAX]:
-            reason = f"not found; a candidate{more}"
-            lines.append(_column(channel, [one for one in row if one is not None], reason, several=several))
+            columns = [one for one in row if one is not None]
+            lines.append(_column(channel, columns, f"not found; a candidate{more}", several=several))
     if any(len(near.get("idc", ())) > 1 for _, near in each):
         lines.append(
             '# Currents at one voltage add up: [channels.NAME], and power = "vdc * a + vdc * b" under [stage.NAME].'
@@ -178,9 +183,13 @@ def _columns(each: Sequence[tuple[LogFacts, Candidates]]) -> list[str]:
 
 
 def _column(channel: str, columns: Sequence[ColumnFacts], reason: str, *, several: bool = False) -> str:
-    """An entry of [columns] as a comment, with a unit to be checked where a log names none; `several` makes it a list."""
+    """An entry of [columns] as a comment, with a unit to be checked where a log names none.
+
+    `several` makes its name a list.
+    """
     columns = [*{column.name: column for column in columns}.values()]
-    names, unitless = ", ".join(quoted(column.name) for column in columns), any(c.unit is None for c in columns)
+    names = ", ".join(quoted(column.name) for column in columns)
+    unitless = any(column.unit is None for column in columns)
     keys = [f"name = [{names}]" if several else f"name = {names}"]
     keys += [f"unit = {quoted(CHANNELS[channel].unit)}"] if unitless else []
     keys += ['side = "shaft"'] if channel == "speed" else []

@@ -72,9 +72,8 @@ def main() -> None:
 
 def _kept() -> str:
     """What remains of a command that was ended."""
-    return (
-        f"{'what was finished is kept, ' if _KEEPS.intersection(sys.argv[1:2]) else ''}no file was left half-written."
-    )
+    kept = "what was finished is kept, " if _KEEPS.intersection(sys.argv[1:2]) else ""
+    return f"{kept}no file was left half-written."
 
 
 def _ready_streams() -> None:

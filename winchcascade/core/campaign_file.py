@@ -100,8 +100,8 @@ class CampaignRun(
     `ranges` are begin and end of each cycle on the clock of the log, instead of detected ones [s].
     `load` is None for a rig without one and inf for an open circuit; `window` None where the rule of the rig applies.
     `started` is when the run began: all runs of a campaign have an offset from UTC or none has. `temperature` is that of the
-    winding or the housing during the run, as the file states it [degC]. `columns` is a table as [columns] of a rig file, for
-    this log alone.
+    winding or the housing during the run, as the file states it [degC]. `columns` is a table as
+    [columns] of a rig file, for this log alone.
     """
 
     file: Path

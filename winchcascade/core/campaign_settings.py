@@ -37,7 +37,7 @@ class LogSettings(msgspec.Struct, frozen=True):
 
 
 def listed_settings(campaign: Campaign, run: CampaignRun, rig: Rig) -> LogSettings:
-    """Settings of a log as a campaign lists it; its ranges of time and its columns count before those of the rig.
+    """Settings of a log as a campaign lists it; its ranges of time and columns precede those of the rig.
 
     RigError if its columns are none.
     """

@@ -147,9 +147,10 @@ Side = Literal["drum", "shaft", "generator"]
 class Column(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Where a log keeps a channel: the name of its column, or its number from 1 on, and the unit if the log does not name it.
 
-    Of several names a log has one at most; a log that has none of them is read as if the channel were not listed. A unit in the
-    log's header is used instead of this one, unless `override` is set. `side` is the place at which a speed of rotation is
-    measured; drum and shaft turn alike while the clutch is engaged, the generator faster by the gear ratio.
+    Of several names a log has one at most; a log with none of them is read as if the channel were not
+    listed. A unit in the log's header is used instead of this one, unless `override` is set. `side` is
+    the place at which a speed of rotation is measured; drum and shaft turn alike while the clutch is
+    engaged, the generator faster by the gear ratio.
     """
 
     name: str | tuple[str, ...] = ""

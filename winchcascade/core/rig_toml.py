@@ -320,7 +320,10 @@ def _sensor(table: Table, channel: Channel, place: str) -> Sensor:
 def read_columns(
     raw: object, known: Mapping[str, Channel], where: str, others: Mapping[str, Column]
 ) -> dict[str, Column]:
-    """Read a table of columns by channel, which counts before the `others`; RigError for one column of two channels."""
+    """Read a table of columns by channel, which precedes the `others`.
+
+    RigError for an unknown channel, a wrong entry, or one column of two channels.
+    """
     stated = convert(raw, dict[str, Table | str | list[str]], f"{where}: columns", RigError)
     check_keys(stated, (*known, "time"), f"{where}: [columns]", RigError)
     columns = {name: column for name, column in others.items() if name not in stated}

@@ -50,7 +50,8 @@ def _no_toml(where: str) -> str:
     """Sentence for a file that is no TOML file by its name either; empty for any other."""
     if where.endswith(".toml"):
         return ""
-    return f"{where}: is no TOML file; expected one such as rig.toml or table.toml. `winchcascade reduce` reads logs."
+    expected = "expected one such as rig.toml or table.toml. `winchcascade reduce` reads logs."
+    return f"{where}: is no TOML file; {expected}"
 
 
 _PLACE = re.compile(r"at line (\d+)")

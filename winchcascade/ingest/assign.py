@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from difflib import get_close_matches
-from itertools import chain
 
 import msgspec
 
@@ -182,8 +181,10 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
 
 
 def _named_in_rig(headers: Sequence[Header], rig: Rig, where: str) -> dict[str, int]:
-    """Columns that the rig file names or numbers; LogError for a velocity, a time or a number that the log lacks, and for a log
-    that has several of the names of one channel.
+    """Columns that the rig file names or numbers.
+
+    LogError for a velocity, a time or a number that the log lacks, and for a log that has several of the
+    names of one channel.
     """
     found = {}
     for channel, column in rig.columns.items():
@@ -208,11 +209,11 @@ def _named_in_rig(headers: Sequence[Header], rig: Rig, where: str) -> dict[str, 
 
 
 def near_columns(stated: Sequence[str], headers: Sequence[Header]) -> str:
-    """Which columns resemble one of the names that a rig file states, or which there are, for a sentence."""
+    """Which columns resemble a name that a rig file states, or which there are, for a sentence."""
     names = [header.name.strip() for header in headers[:NEAR_COLUMNS_MAX]]
-    near = list(
-        chain(*(get_close_matches(x, [n for n in names if len(n) <= 2 * len(x)], NEAR_MATCHES) for x in stated))
-    )
+    near = []
+    for name in stated:
+        near += get_close_matches(name, [other for other in names if len(other) <= 2 * len(name)], NEAR_MATCHES)
     return f"near it: {', '.join(map(repr, near))}" if near else f"the log has {listed(names)}"
 
 

@@ -31,7 +31,7 @@ TOP = 0.95
 
 
 ANY_RATE = 1.0
-"""Rate by which a log without a clock that can be read is looked at: loads and units show at any. [Hz]"""
+"""Rate by which a log without a readable clock is looked at: loads and units show at any. [Hz]"""
 
 
 class ColumnFacts(msgspec.Struct, frozen=True):
@@ -59,8 +59,9 @@ class ColumnFacts(msgspec.Struct, frozen=True):
 
 
 class LogFacts(msgspec.Struct, frozen=True):
-    """One log, and in `fault` why it cannot be read by the rig as it is. What needs a run is then None or empty, unless a rate
-    of samples is all that is missing.
+    """One log, and in `fault` why it cannot be read by the rig as it is.
+
+    What needs a run is then None or empty, unless a rate of samples is all that is missing.
 
     Parameters
     ----------
