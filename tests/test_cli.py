@@ -94,7 +94,14 @@ def test_an_interrupt_of_an_import_is_one_sentence(at: str, by: str) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code, "reduce", "x.csv"], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (130, "")
-    assert done.stderr == "winchcascade: interrupted; what was finished is kept, no file was left half-written.\n"
+    assert done.stderr == "winchcascade: interrupted; no file was left half-written.\n"
+
+
+def test_a_log_in_place_of_a_table_is_referred_to_the_command_that_reads_it(log: Path) -> None:
+    done = winchcascade("audit", str(log))
+    assert done.returncode == 2
+    assert str(log) in done.stderr
+    assert "winchcascade reduce" in done.stderr
 
 
 def test_a_log_with_blanks_and_other_letters_in_its_name_reduces(log: Path) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from calls import call, error_sentence
 
+from winchcascade import read_run
 from winchcascade.batch.draft_folder import draft_folder, write_drafts
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import OptionError, OutputError
@@ -227,6 +228,41 @@ def test_columns_that_no_name_explains_are_candidates_of_what_is_missing(tmp_pat
     assert 'based_on = "hsu2026"' in text
     assert [re.findall(rf'(?m)^# {c} = {{ name = "(.*?)"', text) for c in ("force", "vdc")] == [["LC1", "DC bus"]] * 2
     assert len(re.findall(r"(?m)^# pressure = .* beyond 204 kg/cm2", text)) == 1
+
+
+SPANISH = {
+    "Zeit": "Fecha y hora", "Weg": "Recorrido", "Seilgeschwindigkeit": "Velocidad cable", "Speicherdruck": "Presión gas",
+    "LC-17": "Celda 3", "Mw": "TQ2", "Zwischenkreisspannung": "Tensión bus CC", "Zwischenkreisstrom": "Corriente bus",
+}  # fmt: skip
+"""Headers of the other rig as a second logger writes them."""
+
+
+def test_a_folder_of_several_kinds_of_logs_gets_one_entry_for_each_channel(bench: Path) -> None:
+    for log in ("lauf2_40ohm", "lauf4_90ohm"):
+        head, _, rows = (bench / f"{log}.csv").read_text(encoding="utf-8").partition("\n")
+        for german, spanish in SPANISH.items():
+            head = head.replace(german, spanish)
+        (bench / f"{log}.csv").write_text(f"{head}\n{rows}", encoding="utf-8")
+    write_drafts(draft_folder(bench), bench)
+    rig = bench / "rig.toml"
+    drafted = re.sub(r"(?m)^# (force|torque) = ", r"\1 = ", rig.read_text(encoding="utf-8"))
+    rig.write_text(drafted, encoding="utf-8")
+    assert load_rig(rig).columns["force"].names == ("LC-17 [kN]", "Celda 3 [kN]")
+    for log in ("lauf2_40ohm", "lauf3_15ohm"):
+        run = read_run(bench / f"{log}.csv")
+        assert [finding.kind for finding in run.findings] == []
+        assert run.channels.keys() >= {"displacement", "velocity", "pressure", "force", "torque", "vdc", "idc"}
+
+
+@pytest.mark.parametrize("name", ["Time", "Mark"])
+def test_a_clock_that_reduce_rejects_is_reported_by_the_draft(name: str, tmp_path: Path) -> None:
+    rows = "".join(f"mark {k},{abs(k % 100 - 50) / 50},{50 + k % 7},{k % 9}\n" for k in range(400))
+    log = tmp_path / "a_27ohm.csv"
+    log.write_text(f"{name},Velocity (m/s),Force (N),Torque (N.m)\n{rows}")
+    texts = draft_folder(tmp_path).texts
+    (fault,) = re.findall(r"(?m)^# not readable yet: (.*)$", texts["campaign.toml"])
+    assert " ".join(fault.split()[1:9]) in error_sentence(["reduce", log, "--load-ohm", "27"])
+    assert ("# sample_rate_hz = " in texts["rig.toml"]) == (name == "Mark")
 
 
 def test_files_that_are_there_stay_and_their_columns_are_used(bench: Path) -> None:

@@ -6,14 +6,15 @@ import tomllib
 from collections import Counter
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import pytest
-from campaign_log import HEAD, NAMES, ROWS, SAME, UNITS, clean, efficiencies, kinds, read, scaled, text
+from campaign_log import HEAD, NAMES, ROWS, SAME, SOURCE, UNITS, clean, efficiencies, kinds, read, scaled, text, write
 from loops import failures
 
 from winchcascade import Run, read_run
 from winchcascade.core.channels import CHANNELS
-from winchcascade.core.errors import LogError
+from winchcascade.core.errors import LogError, RigError
 from winchcascade.core.quantity import KGF
 from winchcascade.core.quantity import UNITS as UNIT_TABLE
 from winchcascade.core.rig_toml import parse_rig
@@ -24,20 +25,34 @@ TABLE = tomllib.loads((Path(headers.__file__).parent / "column_names.toml").read
 LISTED = [(channel, name) for channel in DIMENSION for name in TABLE[channel]["names"].split()]
 UNIT = {"time": "s"} | {name: channel.unit for name, channel in CHANNELS.items()}
 
-PUBLIC = tomllib.loads((Path(__file__).parent / "headers" / "public_logs.toml").read_text(encoding="utf-8"))["log"]
-RECOGNISED = 0.8
-"""Smallest share of the channels of public logs that are recognised without a rig file."""
+PUBLIC, FOUR_LANGUAGES = (
+    tomllib.loads((Path(__file__).parent / "headers" / file).read_text(encoding="utf-8"))["log"]
+    for file in ("public_logs.toml", "four_languages.toml")
+)
+RECOGNISED = [(PUBLIC, 0.8), (FOUR_LANGUAGES, 0.85)]
+"""Smallest share of the channels of each set of headers that are recognised without a rig file."""
 
 ROUNDED = 1e-5
 """Factors below are given to six digits or more."""
 
 
-def test_columns_of_public_logs_are_recognised_and_none_wrongly() -> None:
-    found = [(recognise(Header(n, u or None)) or "", right, n) for log in PUBLIC for n, u, right in log["headers"]]
+@pytest.mark.parametrize(("logs", "share"), RECOGNISED, ids=["public", "four languages"])
+def test_columns_of_many_logs_are_recognised_and_none_wrongly(logs: list[dict[str, Any]], share: float) -> None:
+    found = [(recognise(Header(n, u or None)) or "", right, n) for log in logs for n, u, right in log["headers"]]
     assert [name for channel, right, name in found if channel not in ("", right)] == []
     count = Counter(channel == right for channel, right, _ in found if right)
-    assert count[True] >= RECOGNISED * count.total()
+    assert count[True] >= share * count.total()
+
+
+def test_the_headers_of_public_logs_come_from_many_repositories() -> None:
     assert len({log["repository"] for log in PUBLIC}) >= 10
+
+
+def test_no_header_of_four_languages_is_another_channel_without_its_unit() -> None:
+    headers = [
+        (name.partition("(")[0].partition("[")[0], right) for log in FOUR_LANGUAGES for name, _, right in log["headers"]
+    ]
+    assert [name for name, right in headers if recognise(Header(name)) not in (None, right)] == []
 
 
 def test_a_listed_name_with_the_unit_of_its_channel_is_that_channel() -> None:
@@ -189,10 +204,52 @@ def test_a_column_that_the_rig_names_and_the_log_lacks_is_named_with_what_comes_
     mine = 'based_on = "hsu2026"\nname = "mine"\n[columns]\n{} = "{}"\n'
     with pytest.raises(LogError, match=r"no column 'Velocty', .*near it: 'Velocity \(m/s\)'.*\[columns\]"):
         read(tmp_path, text(), rig=parse_rig(mine.format("velocity", "Velocty"), "rig.toml"))
-    run = read(tmp_path, text(), rig=parse_rig(mine.format("torque", "Torque (Nm)"), "rig.toml"))
+    run = read(tmp_path, text(), rig=parse_rig(mine.format("torque", "Torqe (N.m)"), "rig.toml"))
     finding, *_ = run.findings
     assert (finding.kind, finding.channel) == ("missing_channel", "torque")
     assert "near it: 'Torque (N.m)'" in finding.message
+
+
+SEVERAL = parse_rig('based_on = "hsu2026"\nname = "mine"\n[columns]\nforce = ["LC-17 [N]", "Celda"]\n', "rig.toml")
+
+
+def forces(run: Run) -> list[float]:
+    return list(run.channels["force"].tolist())
+
+
+@pytest.mark.parametrize("name", ["LC-17 [N]", "LC-17 (N)", "Celda", "Celda [N]", "Force (N)"])
+def test_a_rig_file_names_a_column_in_several_ways(name: str, tmp_path: Path) -> None:
+    head = [name if one == "Force (N)" else one for one in HEAD]
+    run = read(tmp_path, text(ROWS, head), rig=SEVERAL)
+    assert "missing_channel" not in kinds(run)
+    assert forces(run) == forces(read_run(SOURCE))
+
+
+def test_a_name_with_a_unit_is_that_of_a_column_with_a_row_of_units(tmp_path: Path) -> None:
+    names = ["LC-17" if one == "Force" else one for one in NAMES]
+    run = read(tmp_path, text([UNITS, *ROWS], names), rig=SEVERAL)
+    assert forces(run) == forces(read_run(SOURCE))
+
+
+def test_a_log_with_two_of_the_names_of_a_channel_is_rejected(tmp_path: Path) -> None:
+    head = {"Force (N)": "LC-17 [N]", "Pressure (kg/cm2)": "Celda"}
+    with pytest.raises(LogError, match=r"2 columns .* force: LC-17 \[N\], Celda"):
+        read(tmp_path, text(ROWS, [head.get(one, one) for one in HEAD]), rig=SEVERAL)
+
+
+def test_an_entry_of_a_campaign_names_columns_of_its_own(tmp_path: Path) -> None:
+    head = {"Force (N)": "LC-17 [N]", "Pressure (kg/cm2)": "Celda"}
+    log = write(tmp_path, text(ROWS, [head.get(one, one) for one in HEAD]))
+    (tmp_path / "rig.toml").write_text(
+        'based_on = "hsu2026"\nname = "mine"\n[columns]\nforce = ["LC-17 [N]", "Celda"]\n'
+    )
+    entry = 'rig = "rig.toml"\n[[run]]\nfile = "log.csv"\ncolumns = {}\n'
+    campaign = tmp_path / "campaign.toml"
+    campaign.write_text(entry.format('{ force = "LC-17 [N]", pressure = "Celda" }'))
+    assert forces(read_run(log)) == forces(read_run(SOURCE))
+    campaign.write_text(entry.format('{ forse = "LC-17 [N]" }'))
+    with pytest.raises(RigError, match=r"campaign\.toml: log\.csv: \[columns\] forse"):
+        read_run(log)
 
 
 def test_a_log_with_the_columns_of_a_built_in_rig_is_referred_to_it(shared: Path) -> None:

@@ -30,6 +30,7 @@ from winchcascade import (
     summary_html,
 )
 from winchcascade.core.errors import OptionError
+from winchcascade.core.extras import is_installed
 from winchcascade.core.quantity import KGF
 from winchcascade.reduction.run_record import reduction_json
 from winchcascade.report.figures.style import COLOURS
@@ -283,3 +284,20 @@ def test_notebooks_show_the_summary_table_without_scripts(reduction: Reduction, 
     assert "r18.csv" in summary_html(campaign)
     assert "href" not in summary_html(campaign)
     assert "copper" in summary_html(diagnosed("copper"))
+
+
+def test_a_run_is_a_dataset_of_xarray_with_units_where_that_is_installed() -> None:
+    run = read_run("fixtures/campaign/r36ohm.csv")
+    if not is_installed("xarray"):
+        with pytest.raises(OptionError, match="xarray"):
+            run.to_xarray()
+        return
+    found = run.to_xarray()
+    assert {*found.data_vars} == {*run.channels}
+    assert {name: found[name].attrs["units"] for name in ("time", "force", "torque")} == {
+        "time": "s",
+        "force": "N",
+        "torque": "N.m",
+    }
+    assert found["force"].dims == ("time",)
+    assert np.array_equal(found["force"].sel(time=run.t[100]), run.channels["force"][100])

@@ -22,8 +22,8 @@ from winchcascade.rig.baseline import load_rig
 
 RIG_FILE = "rig.toml"
 
-BEFORE = Rig(name="draft", sample_rate=1.0)
-"""Rig by which logs are read before they have a rig file; the rate lets those be read that have no clock."""
+BEFORE = Rig(name="draft")
+"""Rig by which logs are read before they have a rig file."""
 
 NAMED_MAX = 12
 """Files that a sentence names."""

@@ -6,9 +6,8 @@ What is certain stands as an entry, all else as a comment with its reason.
 from __future__ import annotations
 
 import tomllib
-from collections import Counter
 from collections.abc import Mapping, Sequence
-from itertools import chain
+from itertools import chain, zip_longest
 
 from winchcascade.batch.draft_campaign import comment, quoted
 from winchcascade.core.campaign_settings import LogSettings
@@ -16,11 +15,11 @@ from winchcascade.core.cascade import BUILT_IN as STAGES
 from winchcascade.core.channels import CHANNELS
 from winchcascade.core.errors import WinchcascadeError
 from winchcascade.core.log_thresholds import thresholds_text, together
-from winchcascade.core.plain_text import one_line
+from winchcascade.core.plain_text import first_of, one_line
 from winchcascade.core.quantity import find_unit, read_as, unit_names
 from winchcascade.core.rig_file import NUMBERS_OF
 from winchcascade.core.rig_toml import BUILT_IN, DEFAULT_RIG, built_in, built_in_text, parse_rig
-from winchcascade.ingest.assign import named_column, near_channel
+from winchcascade.ingest.assign import has_columns, near_channel
 from winchcascade.ingest.log_facts import ColumnFacts, LogFacts
 from winchcascade.ingest.named_load import named_loads
 from winchcascade.ingest.read import read_by
@@ -34,6 +33,9 @@ Candidates = Mapping[str, Sequence[ColumnFacts]]
 
 CANDIDATES_MAX = 4
 """Candidates that are listed for one channel: a logger may have twenty columns of pressure."""
+
+KINDS_MAX = 12
+"""Kinds of logs that are listed."""
 
 UNITS_MAX = 8
 """Units that are proposed for a column without one."""
@@ -71,23 +73,26 @@ _NUMBERS = """\
 
 
 def rig_text(logs: Sequence[LogFacts], name: str) -> str:
-    """Text of a rig file for logs of one rig; the columns are those of most of the logs."""
-    alike = _alike(logs)
-    log, named = alike[0], named_loads([log.path.name for log in logs]).values()
+    """Text of a rig file for logs of one rig.
+
+    Cycles and numbers are drafted by the kind that most of the logs are of.
+    """
+    kinds = _kinds(logs)
+    log, named = kinds[0][0], named_loads([log.path.name for log in logs]).values()
     loads = len({one.ohm for one in named if one.certain} | {log.load for log in logs if log.load is not None}) > 1
-    near = candidates(log, loads=loads)
+    each = [(kind[0], candidates(kind[0], loads=loads)) for kind in kinds]
+    near = each[0][1]
     base, why = fitting_rig(log, near, loads=loads)
     blocks = [_HEAD.format(name=quoted(name)) + (f"based_on = {quoted(base)}{comment(why)}\n" if base else "")]
-    if len(alike) < len(logs):
-        blocks.append(
-            one_line(f"# The columns are those of {len(alike)} of {len(logs)} logs, as {log.path.name}.") + "\n"
-        )
-    if not log.has_clock:
-        blocks.append(f"# [log]\n# sample_rate_hz = 10{comment('no time column was found: rate of the logger')}\n")
-    columns = _columns(log, near)
+    if len(kinds) > 1:
+        kind_names = [f"{kind[0].path.name} ({len(kind)})" for kind in kinds]
+        blocks.append(one_line(f"# Kinds of logs by their columns: {first_of(kind_names, KINDS_MAX)}.") + "\n")
+    if not all(one.has_clock for one, _ in each):
+        blocks.append(f"# [log]\n# sample_rate_hz = 10{comment('no clock that can be read: rate of the logger')}\n")
+    columns = _columns(each)
     blocks += ["\n".join(["[columns]", *columns]) + "\n"] if columns else []
-    blocks += _phases(blocks[0], alike, near)
-    blocks += _thresholds(alike)
+    blocks += _phases(blocks[0], kinds[0], near)
+    blocks += _thresholds(logs)
     blocks += _numbers(log) if base == DEFAULT_RIG else _few_numbers(log, base)
     return "\n".join(blocks)
 
@@ -99,25 +104,26 @@ def _thresholds(logs: Sequence[LogFacts]) -> list[str]:
     return [text] if text else []
 
 
-def _alike(logs: Sequence[LogFacts]) -> list[LogFacts]:
-    """The logs that have the columns of most, those that can be read first."""
-    heads = [tuple(column.name for column in log.columns) for log in logs]
-    usual = Counter(heads).most_common(1)[0][0]
-    return sorted(
-        (log for log, head in zip(logs, heads, strict=True) if head == usual), key=lambda log: log.fault != ""
-    )
+def _kinds(logs: Sequence[LogFacts]) -> list[list[LogFacts]]:
+    """The logs by their columns; the most frequent kind comes first, and in it logs that can be read."""
+    kinds: dict[tuple[str, ...], list[LogFacts]] = {}
+    for log in sorted(logs, key=lambda log: log.fault != ""):
+        kinds.setdefault(tuple(column.name for column in log.columns), []).append(log)
+    return sorted(kinds.values(), key=len, reverse=True)
 
 
 def candidates(log: LogFacts, *, loads: bool) -> Candidates:
     """Columns that may be each channel that was not found, by name first, then by unit; a column that is constant is none.
 
-    Where logs or their names state loads, a few columns without unit that are left over may be any channel of a cascade with
-    a DC link for which nothing else is there.
+    For a log that cannot be read yet, columns that have the name and the unit of a channel are no
+    candidates: they are found later. Where logs or their names state loads, a few columns without unit
+    that are left over may be any channel of a cascade with a DC link for which nothing else is there.
     """
     taken = {column.name for column in log.columns if column.channel in (*log.channels, "time")}
     free = [column for column in log.columns if column.name not in taken and column.low < column.high]
     found: dict[str, list[ColumnFacts]] = {}
-    for channel in (name for name in CHANNELS if name not in log.channels):
+    later = [one.channel for one in log.columns if log.fault and one.unit is not None]
+    for channel in (name for name in CHANNELS if name not in log.channels and later.count(name) != 1):
         called = near_channel(channel, [column.header for column in free])
         named = [one for one in free if one.channel == channel or (one.unit is None and one.name in called)]
         fitting = [one for one in free if read_as(one.unit, CHANNELS[channel].dimension) is not None]
@@ -138,8 +144,7 @@ def fitting_rig(log: LogFacts, near: Candidates, *, loads: bool) -> tuple[str, s
     """
     headers = [column.header for column in log.columns]
     for name in BUILT_IN:
-        columns = built_in(name).columns.values()
-        if columns and all(named_column(headers, column.name) is not None for column in columns):
+        if has_columns(headers, built_in(name)):
             return name, "the logs have the columns of this rig"
     possible = {
         *log.channels,
@@ -150,32 +155,46 @@ def fitting_rig(log: LogFacts, near: Candidates, *, loads: bool) -> tuple[str, s
     return "", ""
 
 
-def _columns(log: LogFacts, near: Candidates) -> list[str]:
-    """Entries of [columns] as comments: channels that were found without a unit, and candidates for those that were not."""
+def _columns(each: Sequence[tuple[LogFacts, Candidates]]) -> list[str]:
+    """Entries of [columns] as comments: channels without a unit, and candidates for those not found.
+
+    Where logs are of several kinds, an entry has one column of each.
+    """
     lines = []
-    for channel in log.without_unit:
-        column = next((one for one in log.columns if one.channel == channel), None)
-        if column is not None and channel in CHANNELS:
-            lines.append(
-                _column(channel, column, f"names no unit; taken as {CHANNELS[channel].unit}{_beyond(channel, column)}")
-            )
-    for channel, columns in near.items():
-        more = f"; {len(columns) - CANDIDATES_MAX} more fit" if len(columns) > CANDIDATES_MAX else ""
-        lines += [_column(channel, one, f"not found; a candidate{more}") for one in columns[:CANDIDATES_MAX]]
-    if len(near.get("idc", ())) > 1:
+    several = len(each) > 1
+    for channel in dict.fromkeys(chain(*(log.without_unit for log, _ in each))):
+        logs = [log for log, _ in each if channel in log.without_unit]
+        found = [column for log in logs for column in log.columns if column.channel == channel]
+        if found and channel in CHANNELS:
+            beyond = next(filter(None, (_beyond(channel, one) for one in found)), "")
+            reason = f"names no unit; taken as {CHANNELS[channel].unit}{beyond}"
+            lines.append(_column(channel, found if several else found[:1], reason, several=several))
+    for channel in CHANNELS:
+        rows = [*zip_longest(*(near.get(channel, ()) for _, near in each))]
+        more = f"; {len(rows) - CANDIDATES_MAX} more fit" if len(rows) > CANDIDATES_MAX else ""
+        for row in rows[:CANDIDATES_MAX]:
+            columns = [one for one in row if one is not None]
+            lines.append(_column(channel, columns, f"not found; a candidate{more}", several=several))
+    if any(len(near.get("idc", ())) > 1 for _, near in each):
         lines.append(
             '# Currents at one voltage add up: [channels.NAME], and power = "vdc * a + vdc * b" under [stage.NAME].'
         )
     return lines
 
 
-def _column(channel: str, column: ColumnFacts, reason: str) -> str:
-    """An entry of [columns] as a comment, with a unit to be checked where the log names none."""
-    keys = [f"name = {quoted(column.name)}"]
-    keys += [] if column.unit is not None else [f"unit = {quoted(CHANNELS[channel].unit)}"]
+def _column(channel: str, columns: Sequence[ColumnFacts], reason: str, *, several: bool = False) -> str:
+    """An entry of [columns] as a comment, with a unit to be checked where a log names none.
+
+    `several` makes its name a list.
+    """
+    columns = [*{column.name: column for column in columns}.values()]
+    names = ", ".join(quoted(column.name) for column in columns)
+    unitless = any(column.unit is None for column in columns)
+    keys = [f"name = [{names}]" if several else f"name = {names}"]
+    keys += [f"unit = {quoted(CHANNELS[channel].unit)}"] if unitless else []
     keys += ['side = "shaft"'] if channel == "speed" else []
-    values = f"{column.low:.4g} to {column.high:.4g} {column.header.unit or ''}".rstrip()
-    if column.unit is None:
+    values = "; ".join(f"{c.low:.4g} to {c.high:.4g} {c.header.unit or ''}".rstrip() for c in columns)
+    if unitless:
         values += f"; {', '.join([*unit_names(CHANNELS[channel].dimension).values()][:UNITS_MAX])} ...?"
     return f"# {channel} = {{ {', '.join(keys)} }}" + comment(f"{reason}; {values}")
 
@@ -199,7 +218,7 @@ def _phases(head: str, logs: Sequence[LogFacts], near: Candidates) -> list[str]:
             column = next((one for one in columns if one.name not in used), None)
             if column is not None:
                 used.add(column.name)
-                assumed += _column(channel, column, "").removeprefix("# ") + "\n"
+                assumed += _column(channel, [column], "").removeprefix("# ") + "\n"
     tried = logs[:TRIED_MAX]
     if 2 * sum(_cycles(assumed, log, "") > 0 for log in tried) >= len(tried):  # damaged logs have no payouts either
         return []

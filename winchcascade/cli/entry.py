@@ -17,7 +17,8 @@ _OBJECTS = 100_000
 """New objects after which Python searches for unused ones: imports make more, and searches among them took a tenth of the
 time of a page. Arrays are freed at once, without a search."""
 
-_KEPT = "what was finished is kept, no file was left half-written."
+_KEEPS = {"batch", "blind", "demo"}
+"""Commands that write each result as soon as it is finished; others write when all is done."""
 
 
 def run() -> None:
@@ -37,7 +38,10 @@ def main() -> None:
 
         from winchcascade.core.jobs import end_on_signals
 
-        ends = {signal.SIGINT: f"winchcascade: interrupted; {_KEPT}", signal.SIGTERM: f"winchcascade: ended; {_KEPT}"}
+        ends = {
+            signal.SIGINT: f"winchcascade: interrupted; {_kept()}",
+            signal.SIGTERM: f"winchcascade: ended; {_kept()}",
+        }
         end_on_signals(ends)
         _ready_streams()
         from winchcascade.report.screen import screen_of, use_screen
@@ -51,7 +55,7 @@ def main() -> None:
             raise KeyboardInterrupt
         sys.exit(code)
     except KeyboardInterrupt:
-        _exit_with(f"interrupted; {_KEPT}", code=_INTERRUPTED)
+        _exit_with(f"interrupted; {_kept()}", code=_INTERRUPTED)
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(2)
@@ -64,6 +68,12 @@ def main() -> None:
         _exit_with(f"{where}: cannot be used ({fault.strerror}); check the path, its permissions and the space left.")
     except Exception as fault:
         _reject_usage(fault)
+
+
+def _kept() -> str:
+    """What remains of a command that was ended."""
+    kept = "what was finished is kept, " if _KEEPS.intersection(sys.argv[1:2]) else ""
+    return f"{kept}no file was left half-written."
 
 
 def _ready_streams() -> None:
@@ -95,13 +105,14 @@ def _reject_usage(fault: Exception) -> NoReturn:
     if isinstance(fault, WinchcascadeError):
         _exit_with(str(fault))
     if _was_interrupted(fault):
-        _exit_with(f"interrupted; {_KEPT}", code=_INTERRUPTED)
+        _exit_with(f"interrupted; {_kept()}", code=_INTERRUPTED)
     if not hasattr(fault, "format_message"):
         raise fault
     if not fault.format_message().strip() or type(fault).__name__ == "NoArgsIsHelpError":
         fault.show()  # type: ignore[attr-defined]  # the help of a command that was given nothing
         sys.exit(2)
-    sentence = fault.format_message().rstrip(".")
+    sentence = fault.format_message().rstrip(".").replace("not a valid float", "no number such as 4.5")
+    sentence = sentence.replace("not a valid int range", "no whole number of the range")
     _exit_with(f"{sentence}{'' if sentence.endswith('?') else ';'} --help lists what a command takes.")
 
 

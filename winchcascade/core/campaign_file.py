@@ -100,7 +100,8 @@ class CampaignRun(
     `ranges` are begin and end of each cycle on the clock of the log, instead of detected ones [s].
     `load` is None for a rig without one and inf for an open circuit; `window` None where the rule of the rig applies.
     `started` is when the run began: all runs of a campaign have an offset from UTC or none has. `temperature` is that of the
-    winding or the housing during the run, as the file states it [degC].
+    winding or the housing during the run, as the file states it [degC]. `columns` is a table as
+    [columns] of a rig file, for this log alone.
     """
 
     file: Path
@@ -115,6 +116,7 @@ class CampaignRun(
     simulated: Path | None = None
     started: datetime | None = None
     temperature: Annotated[float, Meta(ge=-60.0, le=400.0)] | None = None
+    columns: Table = msgspec.field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Reject cycles and ranges of time that end before they begin: ValueError."""

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import Campaign, CampaignRun, Cycles, Origin, campaign_beside
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.rig_toml import first_named, read_rig
+from winchcascade.core.rig_toml import first_named, read_columns, read_rig
 from winchcascade.core.run import Finding, Repairs
 
 
@@ -37,9 +37,15 @@ class LogSettings(msgspec.Struct, frozen=True):
 
 
 def listed_settings(campaign: Campaign, run: CampaignRun, rig: Rig) -> LogSettings:
-    """Settings of a log as a campaign lists it; its ranges of time count before [phases] of the rig."""
+    """Settings of a log as a campaign lists it; its ranges of time and columns precede those of the rig.
+
+    RigError if its columns are none.
+    """
     if run.ranges:
         rig = replace(rig, phases=replace(rig.phases, source="ranges", ranges=run.ranges))
+    if run.columns:
+        where = f"{campaign.path}: {run.file.name}"
+        rig = replace(rig, columns=read_columns(run.columns, rig.known_channels, where, rig.columns))
     return LogSettings(
         rig=rig,
         load=run.load,

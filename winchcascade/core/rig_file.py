@@ -147,11 +147,13 @@ Side = Literal["drum", "shaft", "generator"]
 class Column(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Where a log keeps a channel: the name of its column, or its number from 1 on, and the unit if the log does not name it.
 
-    A unit in the log's header is used instead of this one, unless `override` is set. `side` is the place at which a speed
-    of rotation is measured; drum and shaft turn alike while the clutch is engaged, the generator faster by the gear ratio.
+    Of several names a log has one at most; a log with none of them is read as if the channel were not
+    listed. A unit in the log's header is used instead of this one, unless `override` is set. `side` is
+    the place at which a speed of rotation is measured; drum and shaft turn alike while the clutch is
+    engaged, the generator faster by the gear ratio.
     """
 
-    name: str = ""
+    name: str | tuple[str, ...] = ""
     unit: str | None = None
     override: bool = False
     number: Annotated[int, Meta(ge=1, le=100_000)] | None = None
@@ -159,8 +161,14 @@ class Column(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         """Reject both or neither of name and number: ValueError."""
-        if bool(self.name.strip()) == (self.number is not None):
+        if bool(self.names) == (self.number is not None):
             raise ValueError('expected either name = "..." or number = ..., the place of the column from 1 on.')
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names that the column may have; none where it is numbered."""
+        stated = (self.name,) if isinstance(self.name, str) else self.name
+        return tuple(name for name in stated if name.strip())
 
 
 class Winch(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

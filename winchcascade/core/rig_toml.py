@@ -118,18 +118,16 @@ def parse_rig(text: str, where: str) -> Rig:
     sensors, channels, effects, stages = (
         convert(raw.get(name, {}), dict[str, Table], f"{where}: {name}", RigError) for name in tables
     )
-    columns = convert(raw.get("columns", {}), dict[str, Table | str], f"{where}: columns", RigError)
     own = {name: _channel(name, table, f"{where}: [channels.{name}]") for name, table in channels.items()}
     known = {**CHANNELS, **own}
     errors = convert(sensors.pop(ERRORS, {}), dict[str, Table], f"{where}: [sensors.{ERRORS}]", RigError)
     check_keys(sensors, known, f"{where}: [sensors]", RigError)
-    check_keys(columns, (*known, "time"), f"{where}: [columns]", RigError)
     log: _Log = convert(raw.get("log", {}), _Log, f"{where}: [log]", RigError)
     read = {
         **{name: raw[name] for name in texts if name in raw},
         **{name: _part(raw.get(name, {}), kind, f"{where}: [{name}]") for name, kind in PARTS.items()},
         "sensors": {name: _sensor(one, known[name], f"{where}: [sensors.{name}]") for name, one in sensors.items()},
-        "columns": _columns(columns, known, where),
+        "columns": read_columns(raw.get("columns", {}), known, where, {}),
         "channels": own,
         "effects": {name: _effect(one, f"{where}: [effects.{name}]") for name, one in effects.items()}
         | {name: _effect(one, f"{where}: [sensors.{ERRORS}.{name}]", of_a_sensor=True) for name, one in errors.items()},
@@ -319,18 +317,26 @@ def _sensor(table: Table, channel: Channel, place: str) -> Sensor:
     return replace(sensor, **in_si)
 
 
-def _columns(stated: Mapping[str, Table | str], known: Mapping[str, Channel], where: str) -> dict[str, Column]:
-    """Columns by channel; two of one column are rejected."""
-    columns: dict[str, Column] = {}
+def read_columns(
+    raw: object, known: Mapping[str, Channel], where: str, others: Mapping[str, Column]
+) -> dict[str, Column]:
+    """Read a table of columns by channel, which precedes the `others`.
+
+    RigError for an unknown channel, a wrong entry, or one column of two channels.
+    """
+    stated = convert(raw, dict[str, Table | str | list[str]], f"{where}: columns", RigError)
+    check_keys(stated, (*known, "time"), f"{where}: [columns]", RigError)
+    columns = {name: column for name, column in others.items() if name not in stated}
     for name, table in stated.items():
         place = f"{where}: [columns] {name}"
-        column: Column = convert({"name": table} if isinstance(table, str) else table, Column, place, RigError)
+        column: Column = convert(table if isinstance(table, dict) else {"name": table}, Column, place, RigError)
         dimension = "time" if name == "time" else known[name].dimension
         if column.unit is not None and find_unit(column.unit) is not None:  # a log may name it in words of its own
             _unit(column.unit, dimension, place)
         for other, taken in columns.items():
-            if (taken.name, taken.number) == (column.name, column.number):
-                raise RigError(f"{place} and {other} both name the column {column.name or column.number!r}.")
+            for shared in (*column.names, column.number):
+                if shared is not None and shared in (*taken.names, taken.number):
+                    raise RigError(f"{place} and {other} both name the column {shared!r}.")
         columns[name] = column
     return columns
 

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import msgspec
 
 from winchcascade.core.arguments import CYCLES, LOAD, MAPPING, RATE, TEXT, Expected, check_arguments
 from winchcascade.core.campaign_file import Cycles, Origin
+from winchcascade.core.channels import CHANNELS
+from winchcascade.core.errors import OptionError
+from winchcascade.core.extras import is_installed
+from winchcascade.core.quantity import si_unit
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.viewed import Viewed
 
@@ -192,6 +197,19 @@ class Run(Viewed, frozen=True):
     def __repr__(self) -> str:
         """One line instead of the arrays."""
         return f"Run({self.name!r}, {self.samples} samples at {self.fs:g} Hz, channels {', '.join(self.channels)})"
+
+    def to_xarray(self) -> Any:
+        """Channels over `time` as a Dataset of xarray, with SI units as attributes `units`.
+
+        OptionError if xarray is not installed, which winchcascade does not need.
+        """
+        if not is_installed("xarray"):
+            raise OptionError("to_xarray needs xarray, which is not installed; install it with pip install xarray.")
+        known = CHANNELS if self.rig is None else self.rig.known_channels
+        units = {name: si_unit(known[name].dimension) if name in known else "1" for name in self.channels}
+        channels = {name: ("time", x, {"units": units[name]}) for name, x in self.channels.items()}
+        time = {"time": ("time", self.t, {"units": "s"})}
+        return import_module("xarray").Dataset(channels, time, {"name": self.name})
 
     @property
     def open_circuit(self) -> bool:

@@ -30,7 +30,7 @@ def read_toml(path: Path, fault: type[WinchcascadeError]) -> str:
     except OSError as found:
         raise fault(f"{path}: cannot be read ({found.strerror}); expected a TOML file.") from None
     except UnicodeDecodeError as found:
-        raise fault(f"{path}: is no UTF-8 text ({found}); save it as UTF-8.") from None
+        raise fault(_no_toml(str(path)) or f"{path}: is no UTF-8 text ({found}); save it as UTF-8.") from None
 
 
 def toml_values(text: str, where: str, fault: type[WinchcascadeError]) -> Table:
@@ -42,7 +42,16 @@ def toml_values(text: str, where: str, fault: type[WinchcascadeError]) -> Table:
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as found:  # a ValueError: Python reads no number of thousands of digits
-        raise fault(f"{where}: not a valid TOML file: {found}.{_hint(text, str(found))}") from None
+        stated = f"{where}: not a valid TOML file: {found}.{_hint(text, str(found))}"
+        raise fault(_no_toml(where) or stated) from None
+
+
+def _no_toml(where: str) -> str:
+    """Sentence for a file that is no TOML file by its name either; empty for any other."""
+    if where.endswith(".toml"):
+        return ""
+    expected = "expected one such as rig.toml or table.toml. `winchcascade reduce` reads logs."
+    return f"{where}: is no TOML file; {expected}"
 
 
 _PLACE = re.compile(r"at line (\d+)")

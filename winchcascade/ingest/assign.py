@@ -91,9 +91,20 @@ def of_machine(name: str) -> bool:
 
 
 def named_column(headers: Sequence[Header], name: str) -> int | None:
-    """Index of the column that a rig file names, with or without its unit; None where the log lacks it."""
-    names = [header.name.strip() for header in headers] + [read_header(header).name.strip() for header in headers]
-    return names.index(name.strip()) % len(headers) if name.strip() in names else None
+    """Index of the column that a rig file names, with or without its unit; None where the log lacks it.
+
+    `LC-17 [kN]` also names a column `LC-17` whose unit kN is in another row.
+    """
+    read = [*map(read_header, headers)]
+    spelled: list[object] = [*(header.name.strip() for header in headers), *(one.name.strip() for one in read), *read]
+    named = (one for one in (name.strip(), read_header(Header(name))) if one in spelled)
+    return next((spelled.index(one) % len(headers) for one in named), None)
+
+
+def has_columns(headers: Sequence[Header], rig: Rig) -> bool:
+    """Whether a log has every column that a rig names, and the rig names some."""
+    each = [any(named_column(headers, name) is not None for name in one.names) for one in rig.columns.values()]
+    return bool(each) and all(each)
 
 
 def listed(names: Sequence[str], maximum: int = 12) -> str:
@@ -116,8 +127,7 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
         motion or a power, the columns of a built-in rig where no rig was named
     """
     for name in BUILT_IN if rig.assumed else ():
-        columns = built_in(name).columns.values()
-        if columns and all(named_column(headers, column.name) is not None for column in columns):
+        if has_columns(headers, built_in(name)):
             raise LogError(
                 f"{where}: has the columns of the built-in rig {name}, and no rig was named; add --rig {name}."
             )
@@ -149,8 +159,11 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
         message = f"{len(left)} column{'s that are' if len(left) > 1 else ' that is'} no channel: {listed(left)}"
         findings.append(Finding("unknown_column", message, "not read", count=len(left), columns=left))
     for channel in absent:
-        column = rig.columns[channel].name
-        message = f"no column {column!r}, which the rig names for {channel}; {near_columns(column, headers)}"
+        column = rig.columns[channel]
+        if channel in taken and isinstance(column.name, tuple):
+            continue
+        called = " or ".join(map(repr, column.names))
+        message = f"no column {called}, which the rig names for {channel}; {near_columns(column.names, headers)}"
         done = f"{names[taken[channel]]!r} read instead" if channel in taken else "not read"
         findings.append(Finding("missing_channel", message, done, channel))
     for channel in (c for c in rig.channels if c not in taken and c not in rig.sensors and c not in rig.columns):
@@ -168,16 +181,26 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
 
 
 def _named_in_rig(headers: Sequence[Header], rig: Rig, where: str) -> dict[str, int]:
-    """Columns that the rig file names or numbers; LogError for a velocity, a time or a number that the log lacks."""
+    """Columns that the rig file names or numbers.
+
+    LogError for a velocity, a time or a number that the log lacks, and for a log that has several of the
+    names of one channel.
+    """
     found = {}
     for channel, column in rig.columns.items():
-        index = named_column(headers, column.name) if column.number is None else column.number - 1
+        named = {index: name for name in column.names if (index := named_column(headers, name)) is not None}
+        if len(named) > 1:
+            raise LogError(
+                f"{where}: has {len(named)} columns that the rig {rig.name} names for {channel}: {listed([*named.values()])}; "
+                "expected one of them. State which one in columns of its [[run]] in campaign.toml."
+            )
+        index = next(iter(named), None) if column.number is None else column.number - 1
         beyond = column.number is not None and column.number > len(headers)
         if index is not None and not beyond:
             found[channel] = index
-        elif beyond or channel in ("velocity", "time"):
+        elif beyond or (channel in ("velocity", "time") and isinstance(column.name, str)):
             called = column.number if beyond else repr(column.name)
-            near = f"the log has {len(headers)} columns" if beyond else near_columns(column.name, headers)
+            near = f"the log has {len(headers)} columns" if beyond else near_columns(column.names, headers)
             raise LogError(
                 f"{where}: no column {called}, which the rig {rig.name} names for {channel}; {near}. Correct [columns] in the "
                 "rig file or choose the rig with --rig."
@@ -185,10 +208,12 @@ def _named_in_rig(headers: Sequence[Header], rig: Rig, where: str) -> dict[str, 
     return found
 
 
-def near_columns(name: str, headers: Sequence[Header]) -> str:
-    """Which columns resemble a name, or which there are, for a sentence."""
+def near_columns(stated: Sequence[str], headers: Sequence[Header]) -> str:
+    """Which columns resemble a name that a rig file states, or which there are, for a sentence."""
     names = [header.name.strip() for header in headers[:NEAR_COLUMNS_MAX]]
-    near = get_close_matches(name, [other for other in names if len(other) <= 2 * len(name)], NEAR_MATCHES)
+    near = []
+    for name in stated:
+        near += get_close_matches(name, [other for other in names if len(other) <= 2 * len(name)], NEAR_MATCHES)
     return f"near it: {', '.join(map(repr, near))}" if near else f"the log has {listed(names)}"
 
 

@@ -56,6 +56,7 @@ class ColumnNames(msgspec.Struct, frozen=True):
     anywhere: frozenset[str]
     dates: frozenset[str]
     counts: frozenset[str]
+    either: frozenset[str]
     unit_decides: frozenset[str]
     at_machine: frozenset[str]
     at_drum: frozenset[str]
@@ -197,7 +198,7 @@ def recognise(header: Header) -> str | None:
     found = candidates(read.name)
     if read.unit is not None:
         found = tuple(channel for channel in found if read_as(read.unit, DIMENSION[channel]))
-    elif letters_of(read.name) in table.counts or table.unit_decides.issuperset(found):
+    elif letters_of(read.name) in table.counts | table.either or table.unit_decides.issuperset(found):
         return None
     elif read.name.strip() in table.capitals:
         return table.capitals[read.name.strip()]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from winchcascade.core.campaign_settings import LogSettings
 from winchcascade.core.errors import LogError
@@ -27,6 +28,10 @@ CARRIES = 0.5
 
 TOP = 0.95
 """Quantile that is taken as the top of a channel: some samples may be spikes. [1]"""
+
+
+ANY_RATE = 1.0
+"""Rate by which a log without a readable clock is looked at: loads and units show at any. [Hz]"""
 
 
 class ColumnFacts(msgspec.Struct, frozen=True):
@@ -54,7 +59,9 @@ class ColumnFacts(msgspec.Struct, frozen=True):
 
 
 class LogFacts(msgspec.Struct, frozen=True):
-    """One log. What needs a run is None or empty where the log cannot be read without a rig file, for the reason in `fault`.
+    """One log, and in `fault` why it cannot be read by the rig as it is.
+
+    What needs a run is then None or empty, unless a rate of samples is all that is missing.
 
     Parameters
     ----------
@@ -65,7 +72,7 @@ class LogFacts(msgspec.Struct, frozen=True):
     ratio : Vdc over Idc while the current flows, None without both [ohm]
     turn : speed of rotation over velocity of the line in motion, None without both [rad/m]
     simulated : the log carries the mark of `simulate`
-    has_clock : whether a time column or the file itself gives the times of the samples
+    has_clock : whether a time column or the file itself gives times of the samples that can be read
     scales : of its motion and its torque, None where it cannot be read
     """
 
@@ -102,13 +109,19 @@ def log_facts(path: Path, rig: Rig) -> LogFacts:
     if not any(np.isfinite(x).sum() >= 1 for x in values) or max(map(len, values)) < MIN_ROWS:
         raise LogError(f"{path.name}: has no table of at least {MIN_ROWS} rows of numbers.")
     timed = source.time_step is not None or any(c.channel == "time" or nameless(c.header) for c in columns)
+    fault = ""
     try:
         run = read_by(path, LogSettings(rig))
-    except LogError as fault:
-        return LogFacts(path, columns, str(fault), has_clock=timed)
+    except LogError as found:
+        fault = str(found)
+        try:
+            run = read_by(path, LogSettings(replace(rig, sample_rate=ANY_RATE)))
+        except LogError:
+            return LogFacts(path, columns, fault, has_clock=timed)
     return LogFacts(
         path,
         columns,
+        fault,
         channels=tuple(run.channels),
         without_unit=tuple(f.channel for f in run.findings if f.kind == "unit_assumed" and f.channel),
         started=run.started,
@@ -118,7 +131,7 @@ def log_facts(path: Path, rig: Rig) -> LogFacts:
         ratio=_ratio(run, "vdc", "idc"),
         turn=_ratio(run, "speed", "velocity"),
         simulated=run.simulated,
-        has_clock=timed,
+        has_clock=timed and not fault,
         scales=log_scales(run.t, run.channels, rig),
     )
 

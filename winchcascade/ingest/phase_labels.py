@@ -27,7 +27,7 @@ def label_column(headers: Sequence[Header], rule: PhaseRule, where: str) -> int:
     """Index of the column of labels; LogError for a log that does not have it."""
     index = named_column(headers, rule.column)
     if index is None:
-        near = near_columns(rule.column, headers)
+        near = near_columns([rule.column], headers)
         raise LogError(
             f"{where}: no column {rule.column!r}, which [phases] of the rig names; {near}. Correct it in the rig file."
         )
