@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     hs=option("--hs", "M,...", "Significant wave heights [m]; each is taken with each period.", INPUT),
     tp=option("--tp", "S,...", "Peak periods [s].", INPUT),
     scatter=option("--scatter", "FILE", "A table of hs_m, tp_s and hours_per_year instead.", INPUT),
+    motion=option("--motion", "LOG", "A log of the surface or the line instead: displacement or velocity over time.", INPUT),
     float_=option("--float", "FILE", "What moves the line: a response (CSV), or coefficients by Capytaine or BEMIO.", INPUT),
     gamma=option("--gamma", "X", "Peak enhancement of JONSWAP, 3.3 by default; 1 is Pierson-Moskowitz.", EVALUATION),
     bins=option("--bins", "M,S", "Bins of a scatter table; 0.5,1 by default.", EVALUATION),
@@ -45,6 +46,7 @@ def sea_command(
     hs: str | None = None,
     tp: str | None = None,
     scatter: Path | None = None,
+    motion: Path | None = None,
     float_: Path | None = None,
     rig: str | None = None,
     gamma: float = 3.3,
@@ -78,11 +80,11 @@ def sea_command(
     from winchcascade.sea.line_motion import FOLLOWER
     from winchcascade.sea.sea_study import BINS, sea_study
 
-    outputs.check([source, scatter, float_, rig])
+    outputs.check([source, scatter, motion, float_, rig])
     set_threads(threads or processes())
     seas = seas_of(
-        scatter, numbers("--hs", hs), numbers("--tp", tp), gamma=gamma, bins=numbers("--bins", bins) or BINS, froude=froude,
-        minutes=minutes, seed=seed,
+        scatter, motion, numbers("--hs", hs), numbers("--tp", tp), gamma=gamma, bins=numbers("--bins", bins) or BINS,
+        froude=froude, minutes=minutes, seed=seed,
     )  # fmt: skip
     if not (math.isnan(load) or load > 0.0):
         raise OptionError(f"--load {load:g}: expected a number of ohms above 0.")
@@ -96,7 +98,8 @@ def sea_command(
         on_progress("stepping through the seas")
         found = sea_study(
             posterior, tested, seas, body=FOLLOWER if float_ is None else read_float(float_),
-            moved_by="the surface" if float_ is None else float_.name, load=load, compare=compare,
+            moved_by=" in ".join(path.name for path in (float_, motion) if path is not None) or "the surface", load=load,
+            compare=compare,
             schedule=_schedule(posterior, tested, limits) if compare else None,
             limits=limits, payout=payout, draws=draws,
         )  # fmt: skip

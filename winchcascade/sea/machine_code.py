@@ -23,7 +23,7 @@ def compile_model() -> None:
     solve(SIMPLIFICATIONS["quasi_static"].fields[0].apply(rig, 0.5), motion, 36.0)
     SteppedRig(rig.physics, 0.01, 0.005).advance(0.1, 0.01, 36.0)
     omega = np.linspace(0.1, 10.0, 20)
-    body = Hydrodynamics(omega, 400.0 + 0.0 * omega, omega, 9e3 + 0j * omega, 900.0, 9e3)
+    body = Hydrodynamics(omega, 400.0 + 0.0 * omega, omega, (9e3 + 0.0 * omega).astype(np.complex128), 900.0, 9e3)
     path, _ = float_in_waves(rig.physics, realised(SeaState(0.1, 4.0), 8.0, 0), body, 4.0, 1.0, fixed(36.0))
     run(rig.physics, path, fixed(36.0))
 

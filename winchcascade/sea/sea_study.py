@@ -22,7 +22,7 @@ from winchcascade.sea.coupled import float_in_waves
 from winchcascade.sea.hydrodynamics import Hydrodynamics
 from winchcascade.sea.in_sea import PEAKS, PLACE, QUANTITIES, Control, fixed, losses, run
 from winchcascade.sea.line_motion import FOLLOWER, FloatResponse, SeaPath, path_in_waves
-from winchcascade.sea.wave_spectra import SeaState, realised
+from winchcascade.sea.wave_spectra import SeaState, Waves, realised
 
 MINUTES, DRAWS = 20.0, 40
 """Length of each sea [min], as IEC TS 62600-100 has its records, and number of rigs drawn from the posterior."""
@@ -66,6 +66,7 @@ class Seas(msgspec.Struct, frozen=True):
     froude : scale of the seas over that of the rig [1]
     minutes : length of each [min]
     seed : from which phases and draws follow
+    log : waves of a log in place of those of a spectrum
     """
 
     states: tuple[SeaState, ...]
@@ -73,6 +74,7 @@ class Seas(msgspec.Struct, frozen=True):
     froude: float = 1.0
     minutes: float = MINUTES
     seed: int = 0
+    log: Waves | None = None
 
     @property
     def yearly(self) -> bool:
@@ -84,6 +86,13 @@ class Seas(msgspec.Struct, frozen=True):
         own, root = self.states[k], math.sqrt(self.froude)
         sea = msgspec.structs.replace(own, hs=own.hs / self.froude, tp=own.tp / root)
         return sea, 60.0 * self.minutes / root
+
+    def waves(self, k: int) -> Waves:
+        """The waves of a sea at the scale of the rig."""
+        sea, duration = self.at_rig(k)
+        if self.log is None:
+            return realised(sea, duration, self.seed + k)
+        return Waves(self.log.frequency * math.sqrt(self.froude), self.log.amplitude / self.froude, duration)
 
 
 class InSea(msgspec.Struct, frozen=True):
@@ -227,8 +236,8 @@ PathOf = Callable[[Model, Control], SeaPath]
 
 def _moved(rig: Rig, seas: Seas, k: int) -> PathOf:
     """How a sea moves the line: alike with every model, unless the rig pulls at the float."""
-    (sea, duration), body = seas.at_rig(k), rig.body
-    waves, name = realised(sea, duration, seas.seed + k), f"{sea.hs:g} m, {sea.tp:g} s"
+    (sea, _), waves, body = seas.at_rig(k), seas.waves(k), rig.body
+    name = f"{sea.hs:.3g} m, {sea.tp:.3g} s"
     if isinstance(body, Hydrodynamics):
 
         def pulled(model: Model, control: Control) -> SeaPath:

@@ -107,6 +107,7 @@ def sea_report(found: SeaStudy, *, command: str = "") -> Report:
     over = sum(bool(row.exceeds) for row in rows)
     gamma = seas.states[0].gamma
     name = "Pierson-Moskowitz" if gamma == PIERSON_MOSKOWITZ else f"JONSWAP, gamma {gamma:g}"
+    spectrum = name if seas.log is None else "waves of a log"
     scale = (
         ""
         if seas.froude == 1.0
@@ -116,7 +117,7 @@ def sea_report(found: SeaStudy, *, command: str = "") -> Report:
     return Report(
         kind="Rig in waves",
         title=f"{tested.title}: {len(found.rows)} {'sea' if len(found.rows) == 1 else 'seas'}",
-        subtitle=f"rig {tested.rig} · line moved by {found.moved_by} · {name}{scale}",
+        subtitle=f"rig {tested.rig} · line moved by {found.moved_by} · {spectrum}{scale}",
         points=[
             Note("Predicted by the corrected rig without errors of its sensors; no value was measured.", "Data", "warn"),
             judgement_note(tested.judgement),
