@@ -20,7 +20,7 @@ from winchcascade.rig.parts import Model
 from winchcascade.rig.simulate import check_travel
 from winchcascade.sea.coupled import float_in_waves
 from winchcascade.sea.hydrodynamics import Hydrodynamics
-from winchcascade.sea.in_sea import PEAKS, PLACE, QUANTITIES, Control, fixed, losses, run
+from winchcascade.sea.in_sea import PEAKS, PLACE, QUANTITIES, Control, fixed, losses, run, with_ripple
 from winchcascade.sea.line_motion import FOLLOWER, FloatResponse, SeaPath, path_in_waves
 from winchcascade.sea.wave_spectra import SeaState, Waves, realised
 
@@ -313,12 +313,14 @@ def _in_sea(rig: Rig, seas: Seas, k: int, controls: Mapping[str, Control]) -> tu
         return msgspec.structs.replace(row, reason=str(fault)), np.zeros(len(rig.models))
     scale = np.array([seas.froude ** FROUDE.get(unit, 0.0) for unit in QUANTITIES.values()])
     power = {name: seas.froude ** FROUDE["W"] * values[:, PLACE["p_gen_w"]] for name, values in found.items()}
-    main = found["fixed"]
+    main = with_ripple(found["fixed"])
+    lost = losses(best, path, out)
+    lost["copper"] += float(main[0, PLACE["ripple_w"]])
     largest = {name: main[0, PLACE[quantity]] for name, quantity in PEAKS.items()}
     row = msgspec.structs.replace(
         row,
         values={name: band_of(scale[j] * main[:, j]) for name, j in PLACE.items()},
-        lost={name: seas.froude ** FROUDE["W"] * watt for name, watt in losses(best, path, out).items()},
+        lost={name: seas.froude ** FROUDE["W"] * watt for name, watt in lost.items()},
         outside=outside_of(rig.tested, path, out),
         exceeds=tuple(name for name, limit in rig.limits.items() if largest[name] > limit),
         best_load=controls["best"].loads[0] if "best" in controls else math.nan,
