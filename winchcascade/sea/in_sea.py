@@ -27,8 +27,8 @@ QUANTITIES = {
 }  # fmt: skip
 """What a rig does in a sea, with units: mean net power of the line, of the shaft and at the DC link; power at the DC link over
 that of the line while it pays out, and over its net power; largest tension, speed of the generator, stator current (rms), DC
-current (rms over the sea), largest torque and, with the ripple of the bridge, DC voltage; share of the time in which the line
-would have to push; mean power that the ripple costs, which `with_ripple` adds to the others."""
+current (rms over the sea), largest torque and DC voltage, a mean over a pulse of the bridge; share of the time in which the
+line would have to push; mean power that the pulses cost, which `with_ripple` adds to the others."""
 
 PLACE = {name: k for k, name in enumerate(QUANTITIES)}
 """Number of each quantity in a row."""
@@ -99,8 +99,8 @@ OVERLAP = math.pi / 3.0
 
 
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH)
-def ripple_of(omega: float, i_bridge: float, load: float, c: ShaftNumbers) -> tuple[float, float]:
-    """Power that the pulses of a bridge cost beyond those on a stiff DC link [W], and amplitude of the DC voltage [V].
+def ripple_of(omega: float, i_bridge: float, load: float, c: ShaftNumbers) -> float:
+    """Power that the pulses of a bridge cost beyond those on a stiff DC link. [W]
 
     The sixth harmonic of the rectified back-EMF, which overlap enlarges (Kimbark 1971, chapter 8), drives a current through two
     phases into the capacitor of the DC link. The rotor gives way, so its inertia J acts as a second capacitor J / k^2 in series
@@ -110,7 +110,7 @@ def ripple_of(omega: float, i_bridge: float, load: float, c: ShaftNumbers) -> tu
     """
     machine = c.generator
     if i_bridge <= 0.0 or omega <= 0.0:
-        return 0.0, 0.0
+        return 0.0
     k, r_phase, turn = RECTIFIED * machine.k_e * RPM, machine.r_s + machine.r_diode, 6.0 * machine.pole_pairs * omega
     fall = machine.pole_pairs * machine.l_s * i_bridge * math.sqrt(2.0) / (machine.k_e * RPM)
     overlap = math.acos(max(1.0 - fall, math.cos(OVERLAP)))
@@ -123,7 +123,8 @@ def ripple_of(omega: float, i_bridge: float, load: float, c: ShaftNumbers) -> tu
     free = stiff - k * k / (turn * c.drivetrain.inertia_rotor) - susceptance / square
     pulse = min(drive / math.hypot(ohm + conductance / square, free), i_bridge)
     known = min(drive / math.hypot(ohm, stiff), i_bridge)
-    return r_phase * (pulse * pulse - known * known), pulse / math.sqrt(square)
+    costs: float = r_phase * (pulse * pulse - known * known)
+    return costs
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
@@ -175,7 +176,6 @@ def run_in_sea(
         if n < first:
             continue
         force, seen = line[1], line[2]
-        costs, volts = ripple_of(omega, 0.5 * (middle[3] + i_before), load, c.shaft)
         pull = max(force, 0.0) if c.winch.goes_slack else force
         found[0] += pull * v[n]
         found[1] += max(pull * v[n], 0.0) if v[n] > 0.0 else 0.0
@@ -187,8 +187,8 @@ def run_in_sea(
         found[7] = max(found[7], omega)
         found[8] = max(found[8], i_s)
         found[9] = max(found[9], seen)
-        found[10] = max(found[10], v_dc + volts)
-        found[11] += costs
+        found[10] = max(found[10], v_dc)
+        found[11] += ripple_of(omega, 0.5 * (middle[3] + i_before), load, c.shaft)
 
 
 def run(model: Model, path: SeaPath, control: Control, out: Signal = NO_ROWS) -> Signal:

@@ -106,6 +106,7 @@ class InSea(msgspec.Struct, frozen=True):
     outside : share of the time of payout that the logs do not cover [1]
     exceeds : limits that are exceeded
     best_load : best fixed load of this sea [ohm]; NaN where it was not searched
+    beyond : share of the time of payout that the logs do not cover by each other control [1]
     power : mean power at the DC link by each other control, in full scale [W]
     gain : relative gain of power over others, by the names of both
     reason : why there is no result; empty where there is one
@@ -119,6 +120,7 @@ class InSea(msgspec.Struct, frozen=True):
     outside: float = math.nan
     exceeds: tuple[str, ...] = ()
     best_load: float = math.nan
+    beyond: dict[str, float] = {}
     power: dict[str, Band] = {}
     gain: dict[str, Band] = {}
     reason: str = ""
@@ -302,12 +304,13 @@ def _in_sea(rig: Rig, seas: Seas, k: int, controls: Mapping[str, Control]) -> tu
     """A sea, and the mean power at the DC link with the best model and each drawn one, (1 + draws,) in full scale [W]."""
     state, best = seas.states[k], rig.models[0]
     row = InSea(state.hs, state.tp, seas.hours[k])
-    path_of, found, fixed_at = _moved(rig, seas, k), dict[str, Signal](), controls["fixed"]
+    path_of, found, beyond = _moved(rig, seas, k), dict[str, Signal](), dict[str, float]()
     try:
-        path = path_of(best, fixed_at)
-        out = np.empty((path.motion.v.size, len(COLUMNS)))
-        run(best, path, fixed_at, out)
-        for name, control in controls.items():
+        for name, control in reversed(controls.items()):  # losses are those of the fixed load, which is the first
+            path = path_of(best, control)
+            out = np.empty((path.motion.v.size, len(COLUMNS)))
+            run(best, path, control, out)
+            beyond[name] = outside_of(rig.tested, path, out)
             found[name] = np.array([run(model, path_of(model, control), control) for model in rig.models])
     except LogError as fault:
         return msgspec.structs.replace(row, reason=str(fault)), np.zeros(len(rig.models))
@@ -321,7 +324,8 @@ def _in_sea(rig: Rig, seas: Seas, k: int, controls: Mapping[str, Control]) -> tu
         row,
         values={name: band_of(scale[j] * main[:, j]) for name, j in PLACE.items()},
         lost={name: seas.froude ** FROUDE["W"] * watt for name, watt in lost.items()},
-        outside=outside_of(rig.tested, path, out),
+        outside=beyond.pop("fixed"),
+        beyond=beyond,
         exceeds=tuple(name for name, limit in rig.limits.items() if largest[name] > limit),
         best_load=controls["best"].loads[0] if "best" in controls else math.nan,
         power={name: band_of(own) for name, own in power.items() if name != "fixed"},
