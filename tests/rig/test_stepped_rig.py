@@ -102,3 +102,14 @@ def test_at_the_voltage_that_a_load_makes_a_bus_takes_its_current() -> None:
     assert held["idc"] + bleed == pytest.approx(given["idc"], rel=1e-6)
     assert held["force"] == pytest.approx(given["force"], rel=1e-6)
     assert off["i_bridge"] == 0.0
+
+
+def test_a_unit_of_fmi_takes_the_voltage_of_a_bus(unit: Path) -> None:
+    fmpy = pytest.importorskip("fmpy")
+    inputs = np.array([(0.0, 0.6, 80.0)], dtype=[("time", float), ("line_velocity", float), ("dc_voltage", float)])
+    found: Any = fmpy.simulate_fmu(
+        str(unit), input=inputs, step_size=STEP, output_interval=STEP, stop_time=2.0, output=["vdc", "idc"],
+        start_values={"rest_speed": REST, "step": STEP},
+    )  # fmt: skip
+    assert found["vdc"][-1] == 80.0
+    assert found["idc"][-1] > 1.0

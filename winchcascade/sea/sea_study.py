@@ -306,7 +306,7 @@ def _in_sea(rig: Rig, seas: Seas, k: int, controls: Mapping[str, Control]) -> tu
     row = InSea(state.hs, state.tp, seas.hours[k])
     path_of, found, beyond = _moved(rig, seas, k), dict[str, Signal](), dict[str, float]()
     try:
-        for name, control in reversed(controls.items()):  # losses are those of the fixed load, which is the first
+        for name, control in reversed(list(controls.items())):  # losses are those of the fixed load, which is the first
             path = path_of(best, control)
             out = np.empty((path.motion.v.size, len(COLUMNS)))
             run(best, path, control, out)
