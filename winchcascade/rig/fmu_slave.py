@@ -5,6 +5,7 @@ Only an FMU, or the export of one, imports this module, as it needs the extra `f
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -76,6 +77,8 @@ class RigSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
 
     def __init__(self, **about: Any) -> None:
         super().__init__(**about)
+        # a freed unit leaves its emptied module, in which a second one of the same process would find no class
+        self._module = sys.modules.pop(type(self).__module__, None)
         stated = msgspec.json.decode((Path(self.resources) / RESOURCE).read_bytes(), type=Stated)
         self.description, self.numbers = stated.description, stated.numbers
         parts = {
