@@ -53,7 +53,7 @@ $(VENV)/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(INSTALL) -e .
 	$(BIN)/python -m compileall -q winchcascade
-	$(BIN)/python -m winchcascade.rig.machine_code
+	$(BIN)/python -m winchcascade.sea.machine_code
 	@touch $@
 
 # What the tests and the checks need besides.

@@ -198,6 +198,9 @@ def test_an_effect_that_alone_is_suspected_is_the_only_one_that_is_named(
     assert json.loads(refused.stdout)["verdict"] == "unexplained"  # the diagnosis itself is stated
     assert f"--export {earlier}" in refused.stderr
     assert earlier.read_bytes() == corrected.matlab.read_bytes()
+    unit = tmp_path / "rig.fmu"
+    assert winchcascade(*call[:-1], unit).returncode == 2
+    assert not unit.exists()
     done = winchcascade(*call, "--force")
     assert done.returncode == 0, done.stderr
     assert earlier.read_bytes() != corrected.matlab.read_bytes()  # replaced, as the tool had written it

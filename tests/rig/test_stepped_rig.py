@@ -87,3 +87,29 @@ def test_a_unit_of_fmi_gives_what_simulate_gives(unit: Path) -> None:
     for name, column in outputs.items():
         expected = whole[: len(found) - 1, COLUMNS.index(column)]
         assert np.max(np.abs(found[name][1:] - expected)) < 1e-6 * np.max(np.abs(expected)), name
+
+
+def test_at_the_voltage_that_a_load_makes_a_bus_takes_its_current() -> None:
+    """A DC bus in place of a load: at the voltage of the load it takes the same current, at a high one it takes none."""
+    model, speeds = baseline(built_in()).physics, np.full(4000, 0.5)
+    by_load, by_bus, high = (SteppedRig(model, STEP, REST) for _ in range(3))
+    for v in speeds.tolist():
+        given = by_load.advance(v, STEP, LOAD)
+    for v in speeds.tolist():
+        held, off = by_bus.advance(v, STEP, LOAD, given["vdc"]), high.advance(v, STEP, LOAD, 2.0 * given["vdc"])
+    assert held["vdc"] == given["vdc"]
+    bleed = given["vdc"] / model.dc_link.r_bleed
+    assert held["idc"] + bleed == pytest.approx(given["idc"], rel=1e-6)
+    assert held["force"] == pytest.approx(given["force"], rel=1e-6)
+    assert off["i_bridge"] == 0.0
+
+
+def test_a_unit_of_fmi_takes_the_voltage_of_a_bus(unit: Path) -> None:
+    fmpy = pytest.importorskip("fmpy")
+    inputs = np.array([(0.0, 0.6, 80.0)], dtype=[("time", float), ("line_velocity", float), ("dc_voltage", float)])
+    found: Any = fmpy.simulate_fmu(
+        str(unit), input=inputs, step_size=STEP, output_interval=STEP, stop_time=2.0, output=["vdc", "idc"],
+        start_values={"rest_speed": REST, "step": STEP},
+    )  # fmt: skip
+    assert found["vdc"][-1] == 80.0
+    assert found["idc"][-1] > 1.0

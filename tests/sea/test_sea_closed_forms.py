@@ -2,18 +2,25 @@
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
 
+from winchcascade.blind.drive import GRID, run_drive
+from winchcascade.blind.injected import Hidden
+from winchcascade.blind.twin import draw_twin, drive_of
 from winchcascade.core.rig_toml import built_in
 from winchcascade.design import operating
 from winchcascade.rig.baseline import baseline
+from winchcascade.rig.bridge import bridge_state, bridge_table
 from winchcascade.rig.kernel import COLUMNS
 from winchcascade.rig.parts import Model, RestoringModel, with_part
+from winchcascade.rig.physics import RPM
 from winchcascade.rig.simulate import solve
+from winchcascade.rig.state import constants
 from winchcascade.sea.coupled import POWERS, float_in_waves
 from winchcascade.sea.hydrodynamics import Hydrodynamics
-from winchcascade.sea.in_sea import PLACE, fixed, losses, run, scheduled
+from winchcascade.sea.in_sea import PLACE, fixed, losses, ripple_of, run, scheduled
 from winchcascade.sea.line_motion import FOLLOWER, FloatResponse, SeaPath, path_in_waves
 from winchcascade.sea.wave_spectra import PIERSON_MOSKOWITZ, ComplexSignal, SeaState, Waves, realised
 
@@ -172,3 +179,23 @@ def test_waves_as_a_motion_give_what_a_design_gives_along_it() -> None:
         assert found[PLACE[power]] * takes == pytest.approx(expected[energy], rel=1e-9)
     for name in ("rpm", "i_s_a", "force_n", "torque_nm", "i_dc_rms_a"):
         assert found[PLACE[name]] == pytest.approx(expected[name], rel=1e-9)
+
+
+def test_the_pulses_of_a_bridge_are_those_of_a_switched_circuit() -> None:
+    """What they cost beside what rotor, link, phases and switched diodes lose beyond a bridge on a stiff link."""
+    twin = draw_twin(Hidden({}), np.random.default_rng(0), scatter=0.0)
+    model, n = baseline(built_in()).physics, twin.numbers
+    model = with_part(model, "generator", k_e=n.k_e, r_s=n.r_s, l_s=n.l_s)
+    model = with_part(model, "dc_link", c_dc=n.c_dc)
+    turns = np.interp(np.arange(0.0, 3.0, GRID), [0.0, 1.0], [0.0, 1.0]) / twin.fixed.gear
+    for omega, ohm in ((60.0, 9.0), (75.0, 9.0), (75.0, 14.0)):
+        at_load = msgspec.structs.replace(twin, loads={"here": ohm})
+        out, _ = run_drive(omega * turns, np.ones(turns.size - 1), drive_of(at_load, "here"), 20)
+        _, vdc, idc, speed, copper = out[-1000:, [0, 1, 2, 3, 8]].T
+        i_bridge, own = float(idc.mean()), float(speed.mean())
+        reactance = n.l_s * twin.fixed.pole_pairs * own
+        v_total = float(vdc.mean()) + 2.0 * twin.fixed.v_diode
+        i_s = bridge_state(v_total, n.k_e * own * RPM, n.r_s, reactance, bridge_table())[1]
+        costs = ripple_of(own, i_bridge, ohm, constants(model, ohm, 0.005).shaft)
+        lost = float(copper.mean()) / GRID
+        assert costs + 3.0 * n.r_s * i_s**2 == pytest.approx(lost, rel=6e-3), omega

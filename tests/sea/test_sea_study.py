@@ -11,9 +11,11 @@ from calls import call
 
 from winchcascade.batch.seas_given import seas_of
 from winchcascade.core.errors import OptionError
+from winchcascade.design import operating
 from winchcascade.diagnosis.diagnosis_result import Judgement
 from winchcascade.diagnosis.handover.posterior import RigPosterior, posterior_record
 from winchcascade.diagnosis.handover.posterior import Tested as Covered
+from winchcascade.ingest.read import read_run
 from winchcascade.sea.hydrodynamics import Hydrodynamics, read_float
 from winchcascade.sea.sea_study import Seas, SeaStudy, sea_study
 from winchcascade.sea.wave_spectra import SeaState
@@ -82,12 +84,12 @@ def test_draws_have_the_spread_of_the_posterior(small: RigPosterior) -> None:
 def test_rows_of_a_scatter_table_are_put_into_bins(tmp_path: Path) -> None:
     table = tmp_path / "scatter.csv"
     table.write_text("hs_m,tp_s,hours_per_year\n0.4,5.8,10\n0.6,6.2,5\n1.1,8.2,3\n")
-    seas = seas_of(table, (), (), gamma=1.0, minutes=20.0, seed=0)
+    seas = seas_of(table, None, (), (), gamma=1.0, minutes=20.0, seed=0)
     assert [(sea.hs, sea.tp) for sea in seas.states] == [(0.5, 6.0), (1.0, 8.0)]
     assert seas.hours == (15.0, 3.0)
     table.write_text("hs_m,tp_s,hours_per_year\n0.05,1.2,10\n")
     with pytest.raises(OptionError, match="--bins"):
-        seas_of(table, (), (), gamma=1.0, minutes=20.0, seed=0)
+        seas_of(table, None, (), (), gamma=1.0, minutes=20.0, seed=0)
 
 
 def written(folder: Path, small: RigPosterior, covered: Covered, verdict: str) -> Path:
@@ -176,3 +178,51 @@ def test_a_pulled_float_gives_less_than_a_follower(small: RigPosterior, covered:
     pulled = sea_study(small, covered, one, body=body, load=5.0, draws=2).rows[0]
     free = sea_study(small, covered, one, load=5.0, draws=2).rows[0]
     assert 0.0 < pulled.values["p_gen_w"].value < free.values["p_gen_w"].value
+
+
+def wave_log(path: Path, drift: float = 0.0) -> Path:
+    """A log of waves that begin and end, about a level that may rise. [m]"""
+    t = np.arange(0.0, 160.0, 0.05)
+    share = np.clip((t - 25.0) / 10.0, 0.0, 1.0) * np.clip((135.0 - t) / 10.0, 0.0, 1.0)
+    x = np.sum([0.12 * np.sin(2.0 * np.pi * f * t + 9.0 * f) for f in (0.15, 0.18, 0.21, 0.25)], axis=0)
+    rows = zip(t, x * share**2 * (3.0 - 2.0 * share) + drift * share.cumsum() / share.sum(), strict=True)
+    path.write_text("time_s,displacement_m\n" + "".join(f"{now:.2f},{here:.6f}\n" for now, here in rows))
+    return path
+
+
+def test_a_log_of_waves_gives_what_a_design_gives_along_it(
+    small: RigPosterior, covered: Covered, tmp_path: Path
+) -> None:
+    path, model = wave_log(tmp_path / "wave.csv"), small.model()
+    motion = operating.motion_of_run(read_run(path, campaign=False))
+    designed = operating.point(model, operating.path_of(motion, model), 20.0)
+    expected = dict(zip(operating.QUANTITIES, designed, strict=True))
+    seas = seas_of(None, path, (), (), gamma=3.3, minutes=20.0, seed=0)
+    found = sea_study(small, covered, seas, load=20.0, draws=0, payout=0.0).rows[0].values
+    for power, energy in (("p_gen_w", "e_gen_j"), ("p_line_w", "e_line_j")):
+        assert found[power].value * 60.0 * seas.minutes == pytest.approx(motion.cycles * expected[energy], rel=2e-3)
+    for name in ("rpm", "i_s_a", "force_n", "torque_nm"):
+        assert found[name].value == pytest.approx(expected[name], rel=1e-3)
+
+
+def test_a_log_that_does_not_return_and_two_kinds_of_seas_are_rejected(tmp_path: Path) -> None:
+    path = wave_log(tmp_path / "wave.csv", drift=5.0)
+    with pytest.raises(OptionError, match="from where it begins"):
+        seas_of(None, path, (), (), gamma=3.3, minutes=20.0, seed=0)
+    with pytest.raises(OptionError, match="--motion"):
+        seas_of(None, path, (0.3,), (5.0,), gamma=3.3, minutes=20.0, seed=0)
+
+
+def test_the_command_compares_a_schedule_within_limits_along_a_log(
+    small: RigPosterior, covered: Covered, tmp_path: Path
+) -> None:
+    source, path = written(tmp_path, small, covered, "explained"), wave_log(tmp_path / "wave.csv")
+    out, options = tmp_path / "sea.json", ["--load", "20", "--draws", "0", "--compare", "--json"]
+    surface, loads = np.loadtxt(path, delimiter=",", skiprows=1)[:, 1], []
+    for limit in ([], ["--current-limit", "5"]):
+        assert call("sea", source, "--motion", path, *options, out, *limit, "--force").code == 0
+        record = json.loads(out.read_text())
+        loads.append([row["load_ohm"] for row in record["schedule"]])
+        assert record["spectrum"]["gamma"] is None
+        assert record["rows"][0]["hs_m"] == pytest.approx(4.0 * np.std(surface), rel=0.01)
+    assert min(loads[1]) > min(loads[0])

@@ -1,4 +1,4 @@
-"""The seas of a command: wave heights and periods as given, or the bins of a scatter table."""
+"""The seas of a command: wave heights and periods as given, the bins of a scatter table, or the waves of a log."""
 
 from __future__ import annotations
 
@@ -7,8 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from winchcascade.core.errors import OptionError
+from winchcascade.core.scales import motion_of_runs
+from winchcascade.ingest.read import read_run
+from winchcascade.rig.line_velocity import line_velocity
 from winchcascade.sea.sea_study import BINS, Seas
-from winchcascade.sea.wave_spectra import SeaState
+from winchcascade.sea.wave_spectra import SeaState, logged
 
 SCATTER = ("hs_m", "tp_s", "hours_per_year")
 """Columns of a scatter table: significant wave height [m], peak period [s], hours in a year [h]."""
@@ -19,6 +22,7 @@ MAX_SEAS = 1000
 
 def seas_of(
     scatter: Path | None,
+    motion: Path | None,
     heights: Sequence[float],
     periods: Sequence[float],
     *,
@@ -28,25 +32,31 @@ def seas_of(
     minutes: float,
     seed: int,
 ) -> Seas:
-    """Every height with every period, or the rows of a scatter table, of which those in one bin are put together.
+    """Every height with every period, the rows of a scatter table, of which those in one bin are put together, or a log.
 
     Parameters
     ----------
+    motion : log of the displacement of the surface or the line, or of its velocity
     bins : widths of the bins of a scatter table, which lie about multiples of them [m, s]
     froude : scale of the seas over that of the rig [1]
 
     Raises
     ------
-    OptionError : neither or both are given, or a number that is none
+    OptionError : none or several are given, or a number that is none
+    LogError : the log cannot be read
     """
-    if (scatter is None) == (not heights or not periods):
-        raise OptionError("sea: expected --hs M and --tp S, or --scatter FILE.")
+    if [scatter is not None, motion is not None, bool(heights or periods)].count(True) != 1 or (not heights) != (
+        not periods
+    ):
+        raise OptionError("sea: expected --hs M and --tp S, --scatter FILE, or --motion LOG.")
     numbers = {"--hs": heights, "--tp": periods, "--bins": bins, "--froude": [froude], "--minutes": [minutes]}
     for option, given in {**numbers, "--gamma": [gamma]}.items():
         if not all(0.0 < number < math.inf for number in given):
             raise OptionError(f"{option} {','.join(f'{x:g}' for x in given)}: expected finite numbers above 0.")
     if len(bins) != len(BINS):
         raise OptionError(f"--bins {','.join(f'{x:g}' for x in bins)}: expected a height [m] and a period [s].")
+    if motion is not None:
+        return _of_log(motion, froude, seed)
     found = {(hs, tp): math.nan for hs in heights for tp in periods} if scatter is None else _binned(scatter, bins)
     if len(found) > MAX_SEAS:
         raise OptionError(f"sea: {len(found)} seas; expected {MAX_SEAS} at most.")
@@ -57,6 +67,19 @@ def seas_of(
         minutes=minutes,
         seed=seed,
     )
+
+
+def _of_log(path: Path, froude: float, seed: int) -> Seas:
+    """The waves of a log as the only sea; they have no hours."""
+    run = read_run(path, campaign=False)
+    if "velocity" not in run.channels:
+        raise OptionError(f"--motion {path}: no displacement or velocity of a line; expected one of them over time.")
+    ramp = motion_of_runs([run]).ramp
+    try:
+        sea, waves = logged(run.t, line_velocity(run, ramp).value, ramp)
+    except OptionError as fault:
+        raise OptionError(f"--motion {path}: {fault}") from None
+    return Seas((sea,), (math.nan,), froude=froude, minutes=waves.duration / 60.0, seed=seed, log=waves)
 
 
 def _binned(path: Path, bins: Sequence[float]) -> dict[tuple[float, float], float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     hs=option("--hs", "M,...", "Significant wave heights [m]; each is taken with each period.", INPUT),
     tp=option("--tp", "S,...", "Peak periods [s].", INPUT),
     scatter=option("--scatter", "FILE", "A table of hs_m, tp_s and hours_per_year instead.", INPUT),
+    motion=option("--motion", "LOG", "A log of the surface or the line instead: displacement or velocity over time.", INPUT),
     float_=option("--float", "FILE", "What moves the line: a response (CSV), or coefficients by Capytaine or BEMIO.", INPUT),
     gamma=option("--gamma", "X", "Peak enhancement of JONSWAP, 3.3 by default; 1 is Pierson-Moskowitz.", EVALUATION),
     bins=option("--bins", "M,S", "Bins of a scatter table; 0.5,1 by default.", EVALUATION),
@@ -44,6 +46,7 @@ def sea_command(
     hs: str | None = None,
     tp: str | None = None,
     scatter: Path | None = None,
+    motion: Path | None = None,
     float_: Path | None = None,
     rig: str | None = None,
     gamma: float = 3.3,
@@ -70,42 +73,47 @@ def sea_command(
     from winchcascade.batch.campaign_design import corrected_by
     from winchcascade.batch.seas_given import seas_of
     from winchcascade.core.files import write_content
+    from winchcascade.design.operating import require_positive
     from winchcascade.report.results.sea_report import sea_csv, sea_record, sea_report
     from winchcascade.report.screen import status_line
     from winchcascade.sea.hydrodynamics import read_float
     from winchcascade.sea.line_motion import FOLLOWER
     from winchcascade.sea.sea_study import BINS, sea_study
 
-    outputs.check([source, scatter, float_, rig])
+    outputs.check([source, scatter, motion, float_, rig])
     set_threads(threads or processes())
     seas = seas_of(
-        scatter, numbers("--hs", hs), numbers("--tp", tp), gamma=gamma, bins=numbers("--bins", bins) or BINS, froude=froude,
-        minutes=minutes, seed=seed,
+        scatter, motion, numbers("--hs", hs), numbers("--tp", tp), gamma=gamma, bins=numbers("--bins", bins) or BINS,
+        froude=froude, minutes=minutes, seed=seed,
     )  # fmt: skip
     if not (math.isnan(load) or load > 0.0):
         raise OptionError(f"--load {load:g}: expected a number of ohms above 0.")
-    limits = {"current": current_limit, "speed": speed_limit, "tension": tension_limit}
+    stated = {"current": current_limit, "speed": speed_limit, "tension": tension_limit}
+    limits = {name: limit for name, limit in stated.items() if limit is not None}
+    for name, limit in limits.items():
+        require_positive(f"--{name}-limit", [limit])
     with status_line(f"putting {source.name} under waves") as on_progress:
         posterior, tested = corrected_by(source, rig, on_progress)
         tested.judgement.check(f"{source}", force=outputs.force)
         on_progress("stepping through the seas")
         found = sea_study(
             posterior, tested, seas, body=FOLLOWER if float_ is None else read_float(float_),
-            moved_by="the surface" if float_ is None else float_.name, load=load, compare=compare,
-            schedule=_schedule(posterior, tested) if compare else None,
-            limits={name: limit for name, limit in limits.items() if limit is not None}, payout=payout, draws=draws,
+            moved_by=" in ".join(path.name for path in (float_, motion) if path is not None) or "the surface", load=load,
+            compare=compare,
+            schedule=_schedule(posterior, tested, limits) if compare else None,
+            limits=limits, payout=payout, draws=draws,
         )  # fmt: skip
     if outputs["csv"] is not None:
         write_content(outputs["csv"], sea_csv(found), force=outputs.force)
     present(lambda: sea_report(found, command=given_command()), outputs, record=lambda: sea_record(found), name="sea")
 
 
-def _schedule(posterior: RigPosterior, tested: Tested) -> Control | None:
-    """The schedule of `design` for most power; None where it has no load."""
-    from winchcascade.design.design import design
+def _schedule(posterior: RigPosterior, tested: Tested, limits: Mapping[str, float]) -> Control | None:
+    """The schedule of `design` for most power within limits, by their names; None where it has no load."""
+    from winchcascade.design.design import Limits, design
     from winchcascade.sea.in_sea import scheduled
 
-    designed = design(posterior, tested)
+    designed = design(posterior, tested, limits=Limits(**limits))
     rows = [
         (one.rpm_low, one.rpm_high, one.load)
         for one in designed.schedule

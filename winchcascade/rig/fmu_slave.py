@@ -5,6 +5,7 @@ Only an FMU, or the export of one, imports this module, as it needs the extra `f
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -76,6 +77,8 @@ class RigSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
 
     def __init__(self, **about: Any) -> None:
         super().__init__(**about)
+        # a freed unit leaves its emptied module, in which a second one of the same process would find no class
+        self._module = sys.modules.pop(type(self).__module__, None)
         stated = msgspec.json.decode((Path(self.resources) / RESOURCE).read_bytes(), type=Stated)
         self.description, self.numbers = stated.description, stated.numbers
         parts = {
@@ -83,7 +86,13 @@ class RigSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
             for part in PARTS
         }
         self.model = Model(**{part: kind(**parts[part]) for part, kind in PARTS.items()})
-        self.held = {"line_velocity": 0.0, "load_resistance": stated.load, "payout": 0.0, "start_velocity": 0.0}
+        self.held = {
+            "line_velocity": 0.0,
+            "load_resistance": stated.load,
+            "dc_voltage": 0.0,
+            "payout": 0.0,
+            "start_velocity": 0.0,
+        }
         self.held |= {"step": stated.step, "rest_speed": stated.rest}
         self.found = dict.fromkeys([*OUTPUTS, *(f"loss_{name}" for name in LOST), "line_displacement"], 0.0)
         self.rig: SteppedRig | None = None
@@ -94,6 +103,12 @@ class RigSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         known = [
             ("line_velocity", "m/s", "velocity of the line at the end of a step, payout positive", Fmi2Causality.input),
             ("load_resistance", "ohm", "resistance of the load at the DC link", Fmi2Causality.input),
+            (
+                "dc_voltage",
+                "V",
+                "voltage at which a bus holds the DC link in place of the load, 0 for none",
+                Fmi2Causality.input,
+            ),
             ("payout", "m", "displacement of the line at the start", Fmi2Causality.parameter),
             ("start_velocity", "m/s", "velocity of the line at the start", Fmi2Causality.parameter),
             (
@@ -150,7 +165,7 @@ class RigSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         rig, load = self.rig, self.held["load_resistance"]
         if rig is None:
             return False
-        given = rig.advance(self.held["line_velocity"], step_size, load)
+        given = rig.advance(self.held["line_velocity"], step_size, load, self.held["dc_voltage"])
         v, x = rig.before()
         self.found.update({name: given[column] for name, (column, _, _) in OUTPUTS.items()}, line_displacement=x)
         powers = rig.powers(v, x, load)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import msgspec
 import numpy as np
 from numba import njit
 
@@ -74,6 +75,10 @@ def advance(
     kept[12], kept[13], kept[14], kept[15], kept[16] = x, v, x_before, v_before, made
 
 
+SOURCE = 1e9
+"""Capacitor of a DC link whose voltage is held, over its own: the current of the bridge changes it by less than 1e-9. [1]"""
+
+
 class SteppedRig:
     """A rig with a state, at rest at first.
 
@@ -92,7 +97,7 @@ class SteppedRig:
         self.kept = np.zeros(len(KEPT))
         self.out = np.zeros(len(COLUMNS))
         self._table = blended_table(model.generator.averaged, model.generator.uncommutated)
-        self._load, self._numbers = math.inf, constants(model, math.inf, rest)
+        self._load, self._held, self._numbers = math.inf, False, constants(model, math.inf, rest)
 
     def begin(self, v: float, x: float = 0.0) -> None:
         """Begin at a velocity and a displacement of the line. [m/s, m]"""
@@ -104,7 +109,7 @@ class SteppedRig:
         """Velocity and displacement of the line at the begin of the last step. [m/s, m]"""
         return float(self.kept[KEPT.index("v_before")]), float(self.kept[KEPT.index("x_before")])
 
-    def advance(self, v: float, takes: float, load: float) -> dict[str, float]:
+    def advance(self, v: float, takes: float, load: float, vdc: float = 0.0) -> dict[str, float]:
         """Step to a velocity of the line, which changes evenly until then: `kernel.COLUMNS` by name.
 
         Parameters
@@ -112,13 +117,21 @@ class SteppedRig:
         v : at the end [m/s]
         takes : time until then, a whole number of steps [s]
         load : at the DC link, inf for an open circuit [ohm]
+        vdc : at which a bus holds the DC link, in place of a load; 0 without one [V]
         """
-        if load != self._load:
-            self._load, self._numbers = load, constants(self.model, load, self.rest)
-        count = max(1, round(takes / self.step))
-        ohm = self._numbers.shaft.load
+        held = vdc > 0.0
+        if (load, held) != (self._load, self._held):
+            link = self.model.dc_link._replace(c_dc=self.model.dc_link.c_dc * (SOURCE if held else 1.0))
+            numbers = constants(
+                msgspec.structs.replace(self.model, dc_link=link), math.inf if held else load, self.rest
+            )
+            self._load, self._held, self._numbers = load, held, numbers
+        if held:
+            self.kept[KEPT.index("v_dc")] = vdc
+        count, ohm = max(1, round(takes / self.step)), self._numbers.shaft.load
         advance(self.kept, (v, count), takes / count, ohm, self.rest, self._numbers, self._table, self.out)
-        return dict(zip(COLUMNS, self.out.tolist(), strict=True))
+        given = dict(zip(COLUMNS, self.out.tolist(), strict=True))
+        return given | {"idc": given["i_bridge"] - given["idc"]} if held else given
 
     def powers(self, v: float, x: float, load: float) -> dict[str, float]:
         """Power by the rates of the ledger at what was given last, where the line had a velocity and a displacement. [W]"""

@@ -18,16 +18,17 @@ from winchcascade.rig.kernel import COLUMNS, LineMotion
 from winchcascade.rig.ledger import LEDGER, energies
 from winchcascade.rig.parts import Model
 from winchcascade.rig.physics import FASTMATH, RPM
-from winchcascade.rig.state import Constants, GasState, ShaftState, constants, step_line, step_shaft
+from winchcascade.rig.state import Constants, GasState, ShaftNumbers, ShaftState, constants, step_line, step_shaft
 from winchcascade.sea.line_motion import SeaPath
 
 QUANTITIES = {
     "p_line_w": "W", "p_mech_w": "W", "p_gen_w": "W", "eta_pto": "1", "eta_net": "1", "force_n": "N", "rpm": "rpm",
-    "i_s_a": "A", "i_dc_rms_a": "A", "torque_nm": "N.m", "vdc_v": "V", "slack": "1",
+    "i_s_a": "A", "i_dc_rms_a": "A", "torque_nm": "N.m", "vdc_v": "V", "slack": "1", "ripple_w": "W",
 }  # fmt: skip
 """What a rig does in a sea, with units: mean net power of the line, of the shaft and at the DC link; power at the DC link over
 that of the line while it pays out, and over its net power; largest tension, speed of the generator, stator current (rms), DC
-current (rms over the sea), largest torque and DC voltage; share of the time in which the line would have to push."""
+current (rms over the sea), largest torque and DC voltage, a mean over a pulse of the bridge; share of the time in which the
+line would have to push; mean power that the pulses cost, which `with_ripple` adds to the others."""
 
 PLACE = {name: k for k, name in enumerate(QUANTITIES)}
 """Number of each quantity in a row."""
@@ -90,6 +91,42 @@ def load_at(omega: float, speeds: Signal, loads: Signal) -> float:
     return found
 
 
+RECTIFIED = 3.0 * math.sqrt(2.0) / math.pi
+"""Mean of a rectified three-phase voltage over its rms, line to line (Mohan, Undeland and Robbins 2003, chapter 5). [1]"""
+
+OVERLAP = math.pi / 3.0
+"""Largest angle in which a current passes from one phase to the next while two phases carry it before and after. [rad]"""
+
+
+@njit(cache=True, error_model="numpy", fastmath=FASTMATH)
+def ripple_of(omega: float, i_bridge: float, load: float, c: ShaftNumbers) -> float:
+    """Power that the pulses of a bridge cost beyond those on a stiff DC link. [W]
+
+    The sixth harmonic of the rectified back-EMF, which overlap enlarges (Kimbark 1971, chapter 8), drives a current through two
+    phases into the capacitor of the DC link. The rotor gives way, so its inertia J acts as a second capacitor J / k^2 in series
+    (as of a DC machine of the constant k). Where their resonance with the phases is at six times the electrical frequency, the
+    current pulses by half of its mean and more.
+    The model of the bridge has the pulses at constant voltage and speed. A current that pulses by more than its mean stops.
+    """
+    machine = c.generator
+    if i_bridge <= 0.0 or omega <= 0.0:
+        return 0.0
+    k, r_phase, turn = RECTIFIED * machine.k_e * RPM, machine.r_s + machine.r_diode, 6.0 * machine.pole_pairs * omega
+    fall = machine.pole_pairs * machine.l_s * i_bridge * math.sqrt(2.0) / (machine.k_e * RPM)
+    overlap = math.acos(max(1.0 - fall, math.cos(OVERLAP)))
+    fifth, seventh = math.cos(2.5 * overlap) / 5.0, math.cos(3.5 * overlap) / 7.0
+    sixth = math.sqrt(fifth * fifth + seventh * seventh - 2.0 * fifth * seventh * math.cos(overlap))
+    phases = 2.0 - 0.5 * overlap / OVERLAP  # two of them, one and a half in overlap
+    drive, ohm, stiff = sixth * k * omega, phases * r_phase, phases * turn * machine.l_s
+    conductance, susceptance = 1.0 / load, turn * c.c_dc
+    square = conductance * conductance + susceptance * susceptance
+    free = stiff - k * k / (turn * c.drivetrain.inertia_rotor) - susceptance / square
+    pulse = min(drive / math.hypot(ohm + conductance / square, free), i_bridge)
+    known = min(drive / math.hypot(ohm, stiff), i_bridge)
+    costs: float = r_phase * (pulse * pulse - known * known)
+    return costs
+
+
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
 def run_in_sea(
     motion: LineMotion,
@@ -110,7 +147,7 @@ def run_in_sea(
     table : of the bridge, as `blended_table` gives it
     speeds, loads : of the control, as `load_at` takes them
     first : number of the first step that counts
-    found : (11,) zeros, to which sums and largest values are added, in the order of `run`
+    found : (12,) zeros, to which sums and largest values are added, in the order of `run`
     out : (n, 12) is filled with `kernel.COLUMNS`; (0, 12) where those are not wanted
     """
     x, v, a, dt = motion.x, motion.v, motion.a, motion.step
@@ -135,7 +172,7 @@ def run_in_sea(
             )
             out[n, 4], out[n, 5], out[n, 6], out[n, 7] = v_dc, idc, omega, twist
             out[n, 8], out[n, 9], out[n, 10], out[n, 11] = line
-        before = middle
+        i_before, before = before[3], middle
         if n < first:
             continue
         force, seen = line[1], line[2]
@@ -151,6 +188,7 @@ def run_in_sea(
         found[8] = max(found[8], i_s)
         found[9] = max(found[9], seen)
         found[10] = max(found[10], v_dc)
+        found[11] += ripple_of(omega, 0.5 * (middle[3] + i_before), load, c.shaft)
 
 
 def run(model: Model, path: SeaPath, control: Control, out: Signal = NO_ROWS) -> Signal:
@@ -160,15 +198,28 @@ def run(model: Model, path: SeaPath, control: Control, out: Signal = NO_ROWS) ->
     ----------
     out : (n, 12) is filled with `kernel.COLUMNS` where that is wanted
     """
-    found, motion = np.zeros(11), path.motion
+    found, motion = np.zeros(12), path.motion
     numbers = constants(model, control.loads[0], motion.rest)
     table = blended_table(model.generator.averaged, model.generator.uncommutated)
     run_in_sea(motion, path.direction, numbers, table, *knots_of(model, control), path.first, found, out)
-    line_w, paid_w, mech_w, gen_w, square, slack = (found[:6] / (motion.v.size - path.first)).tolist()
-    force, omega, i_s, torque, v_dc = found[6:].tolist()
+    line_w, paid_w, mech_w, gen_w, square, slack, costs = (
+        found[[0, 1, 2, 3, 4, 5, 11]] / (motion.v.size - path.first)
+    ).tolist()
+    force, omega, i_s, torque, v_dc = found[6:11].tolist()
     ratios = [gen_w / over if over > 0.0 else math.nan for over in (paid_w, line_w)]
     means = [line_w, mech_w / model.r_motion, gen_w, *ratios]
-    return np.array([*means, force, omega * RPM, i_s, math.sqrt(square), torque, v_dc, slack])
+    return np.array([*means, force, omega * RPM, i_s, math.sqrt(square), torque, v_dc, slack, costs])
+
+
+def with_ripple(rows: Signal) -> Signal:
+    """Rows of `QUANTITIES`, (k, quantities), with the power that the ripple of the bridge takes from shaft and line."""
+    found, costs = rows.copy(), rows[:, PLACE["ripple_w"]]
+    for name in ("p_line_w", "p_mech_w"):
+        found[:, PLACE[name]] += costs
+    for name in ("eta_pto", "eta_net"):
+        gen, efficiency = rows[:, PLACE["p_gen_w"]], rows[:, PLACE[name]]
+        found[:, PLACE[name]] = gen * efficiency / (gen + costs * efficiency)
+    return found
 
 
 def losses(model: Model, path: SeaPath, out: Signal) -> dict[str, float]:

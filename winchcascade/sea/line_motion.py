@@ -121,7 +121,8 @@ def steps_of(model: Model, waves: Waves, scale: MotionScale) -> int:
 
     resolving(model, scale)  # a rotor that is too light is rejected
     step = min(COARSE * scale.ramp, RESOLVED / rate_of_the_rotor(model, scale.speed))
-    return int(next_fast_len(math.ceil(waves.duration / step), real=True))
+    least = max(waves.duration / step, 2.0 * waves.frequency.size + 1.0)
+    return int(next_fast_len(math.ceil(least), real=True))
 
 
 def path_in_waves(model: Model, waves: Waves, body: FloatResponse, tp: float, payout: float, count: int = 0) -> SeaPath:

@@ -20,9 +20,9 @@ from winchcascade.rig.parts import Model
 from winchcascade.rig.simulate import check_travel
 from winchcascade.sea.coupled import float_in_waves
 from winchcascade.sea.hydrodynamics import Hydrodynamics
-from winchcascade.sea.in_sea import PEAKS, PLACE, QUANTITIES, Control, fixed, losses, run
+from winchcascade.sea.in_sea import PEAKS, PLACE, QUANTITIES, Control, fixed, losses, run, with_ripple
 from winchcascade.sea.line_motion import FOLLOWER, FloatResponse, SeaPath, path_in_waves
-from winchcascade.sea.wave_spectra import SeaState, realised
+from winchcascade.sea.wave_spectra import SeaState, Waves, realised
 
 MINUTES, DRAWS = 20.0, 40
 """Length of each sea [min], as IEC TS 62600-100 has its records, and number of rigs drawn from the posterior."""
@@ -66,6 +66,7 @@ class Seas(msgspec.Struct, frozen=True):
     froude : scale of the seas over that of the rig [1]
     minutes : length of each [min]
     seed : from which phases and draws follow
+    log : waves of a log in place of those of a spectrum
     """
 
     states: tuple[SeaState, ...]
@@ -73,6 +74,7 @@ class Seas(msgspec.Struct, frozen=True):
     froude: float = 1.0
     minutes: float = MINUTES
     seed: int = 0
+    log: Waves | None = None
 
     @property
     def yearly(self) -> bool:
@@ -84,6 +86,13 @@ class Seas(msgspec.Struct, frozen=True):
         own, root = self.states[k], math.sqrt(self.froude)
         sea = msgspec.structs.replace(own, hs=own.hs / self.froude, tp=own.tp / root)
         return sea, 60.0 * self.minutes / root
+
+    def waves(self, k: int) -> Waves:
+        """The waves of a sea at the scale of the rig."""
+        sea, duration = self.at_rig(k)
+        if self.log is None:
+            return realised(sea, duration, self.seed + k)
+        return Waves(self.log.frequency * math.sqrt(self.froude), self.log.amplitude / self.froude, duration)
 
 
 class InSea(msgspec.Struct, frozen=True):
@@ -97,6 +106,7 @@ class InSea(msgspec.Struct, frozen=True):
     outside : share of the time of payout that the logs do not cover [1]
     exceeds : limits that are exceeded
     best_load : best fixed load of this sea [ohm]; NaN where it was not searched
+    beyond : share of the time of payout that the logs do not cover by each other control [1]
     power : mean power at the DC link by each other control, in full scale [W]
     gain : relative gain of power over others, by the names of both
     reason : why there is no result; empty where there is one
@@ -110,6 +120,7 @@ class InSea(msgspec.Struct, frozen=True):
     outside: float = math.nan
     exceeds: tuple[str, ...] = ()
     best_load: float = math.nan
+    beyond: dict[str, float] = {}
     power: dict[str, Band] = {}
     gain: dict[str, Band] = {}
     reason: str = ""
@@ -227,8 +238,8 @@ PathOf = Callable[[Model, Control], SeaPath]
 
 def _moved(rig: Rig, seas: Seas, k: int) -> PathOf:
     """How a sea moves the line: alike with every model, unless the rig pulls at the float."""
-    (sea, duration), body = seas.at_rig(k), rig.body
-    waves, name = realised(sea, duration, seas.seed + k), f"{sea.hs:g} m, {sea.tp:g} s"
+    (sea, _), waves, body = seas.at_rig(k), seas.waves(k), rig.body
+    name = f"{sea.hs:.3g} m, {sea.tp:.3g} s"
     if isinstance(body, Hydrodynamics):
 
         def pulled(model: Model, control: Control) -> SeaPath:
@@ -293,24 +304,28 @@ def _in_sea(rig: Rig, seas: Seas, k: int, controls: Mapping[str, Control]) -> tu
     """A sea, and the mean power at the DC link with the best model and each drawn one, (1 + draws,) in full scale [W]."""
     state, best = seas.states[k], rig.models[0]
     row = InSea(state.hs, state.tp, seas.hours[k])
-    path_of, found, fixed_at = _moved(rig, seas, k), dict[str, Signal](), controls["fixed"]
+    path_of, found, beyond = _moved(rig, seas, k), dict[str, Signal](), dict[str, float]()
     try:
-        path = path_of(best, fixed_at)
-        out = np.empty((path.motion.v.size, len(COLUMNS)))
-        run(best, path, fixed_at, out)
-        for name, control in controls.items():
+        for name, control in reversed(list(controls.items())):  # losses are those of the fixed load, which is the first
+            path = path_of(best, control)
+            out = np.empty((path.motion.v.size, len(COLUMNS)))
+            run(best, path, control, out)
+            beyond[name] = outside_of(rig.tested, path, out)
             found[name] = np.array([run(model, path_of(model, control), control) for model in rig.models])
     except LogError as fault:
         return msgspec.structs.replace(row, reason=str(fault)), np.zeros(len(rig.models))
     scale = np.array([seas.froude ** FROUDE.get(unit, 0.0) for unit in QUANTITIES.values()])
     power = {name: seas.froude ** FROUDE["W"] * values[:, PLACE["p_gen_w"]] for name, values in found.items()}
-    main = found["fixed"]
+    main = with_ripple(found["fixed"])
+    lost = losses(best, path, out)
+    lost["copper"] += float(main[0, PLACE["ripple_w"]])
     largest = {name: main[0, PLACE[quantity]] for name, quantity in PEAKS.items()}
     row = msgspec.structs.replace(
         row,
         values={name: band_of(scale[j] * main[:, j]) for name, j in PLACE.items()},
-        lost={name: seas.froude ** FROUDE["W"] * watt for name, watt in losses(best, path, out).items()},
-        outside=outside_of(rig.tested, path, out),
+        lost={name: seas.froude ** FROUDE["W"] * watt for name, watt in lost.items()},
+        outside=beyond.pop("fixed"),
+        beyond=beyond,
         exceeds=tuple(name for name, limit in rig.limits.items() if largest[name] > limit),
         best_load=controls["best"].loads[0] if "best" in controls else math.nan,
         power={name: band_of(own) for name, own in power.items() if name != "fixed"},

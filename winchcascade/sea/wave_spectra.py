@@ -1,4 +1,4 @@
-"""Irregular waves: spectra, and realisations of them whose phases follow from a seed."""
+"""Irregular waves: spectra, realisations of them whose phases follow from a seed, and waves of a log."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from winchcascade.core.errors import OptionError
 from winchcascade.core.run import Signal
 
 ComplexSignal = NDArray[np.complex128]
@@ -21,6 +22,13 @@ WIDTHS = (0.07, 0.09)
 
 HIGHEST = 5.0
 """Highest frequency of a realisation over that of the peak: it leaves out 0.2 % of the variance of the surface. [1]"""
+
+
+SHARPEST = 4.0
+"""Highest frequency of a log times the ramp of its motion: what is faster was noise, which its smoothing has removed. [1]"""
+
+PEAKEDNESS = 4.0
+"""Power of a spectrum by which frequencies are weighted for that of its peak (Young 1995). [1]"""
 
 
 class SeaState(msgspec.Struct, frozen=True):
@@ -88,3 +96,32 @@ def realised(sea: SeaState, duration: float, seed: int) -> Waves:
     phases = np.random.default_rng(seed).uniform(0.0, 2.0 * math.pi, count)
     heights = np.sqrt(2.0 * spectrum(sea, frequency) / duration)
     return Waves(frequency, heights * np.exp(1j * phases), duration)
+
+
+def logged(t: Signal, v: Signal, ramp: float) -> tuple[SeaState, Waves]:
+    """The sea of a log, without a peak enhancement, and its waves: the log is repeated, so at both ends it comes to rest.
+
+    Parameters
+    ----------
+    t, v : (n,) stamps that rise [s] and smoothed rates of the surface or the line [m/s]
+    ramp : time in which the motion speeds up, and in which it comes to rest [s]
+
+    Raises
+    ------
+    OptionError : the log is too short, or does not return to where it begins
+    """
+    duration = float(t[-1] - t[0])
+    count = math.floor(SHARPEST / ramp * duration)
+    if count < 2:
+        raise OptionError(f"a log of {duration:.3g} s with ramps of {ramp:.3g} s; expected several waves.")
+    even = duration / (4 * count) * np.arange(4.0 * count)
+    near = np.minimum(even, duration - even) / ramp
+    speed = np.interp(even, t - t[0], v) * (0.5 - 0.5 * np.cos(np.pi * np.minimum(near, 1.0)))
+    frequency = np.arange(1.0, count + 1.0) / duration
+    amplitude = np.fft.rfft(speed)[1 : count + 1] / (2.0 * count) / (2j * math.pi * frequency)
+    drift, height = float(np.mean(speed)) * duration, 4.0 * float(np.linalg.norm(amplitude)) / math.sqrt(2.0)
+    if not abs(drift) < height:
+        raise OptionError(f"a log that ends {drift:.3g} m from where it begins; expected waves, or cycles of a line.")
+    weight = np.abs(amplitude) ** (2.0 * PEAKEDNESS)
+    tp = float(np.sum(weight) / np.sum(weight * frequency))
+    return SeaState(height, tp, math.nan), Waves(frequency, amplitude, duration)

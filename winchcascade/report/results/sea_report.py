@@ -65,6 +65,7 @@ def _row(row: InSea) -> dict[str, Any]:
         "over_limit": bool(row.exceeds),
         "exceeds": list(row.exceeds),
         "best_load_ohm": _number(row.best_load),
+        **{f"outside_of_logs_{name}": share for name, share in row.beyond.items()},
         **{f"p_gen_{name}_w": _band(band) for name, band in row.power.items()},
         **{f"gain_{name}": _band(band) for name, band in row.gain.items()},
         "reason": row.reason or None,
@@ -107,6 +108,7 @@ def sea_report(found: SeaStudy, *, command: str = "") -> Report:
     over = sum(bool(row.exceeds) for row in rows)
     gamma = seas.states[0].gamma
     name = "Pierson-Moskowitz" if gamma == PIERSON_MOSKOWITZ else f"JONSWAP, gamma {gamma:g}"
+    spectrum = name if seas.log is None else "waves of a log"
     scale = (
         ""
         if seas.froude == 1.0
@@ -116,7 +118,7 @@ def sea_report(found: SeaStudy, *, command: str = "") -> Report:
     return Report(
         kind="Rig in waves",
         title=f"{tested.title}: {len(found.rows)} {'sea' if len(found.rows) == 1 else 'seas'}",
-        subtitle=f"rig {tested.rig} · line moved by {found.moved_by} · {name}{scale}",
+        subtitle=f"rig {tested.rig} · line moved by {found.moved_by} · {spectrum}{scale}",
         points=[
             Note("Predicted by the corrected rig without errors of its sensors; no value was measured.", "Data", "warn"),
             judgement_note(tested.judgement),
@@ -223,8 +225,12 @@ def _gains_table(found: SeaStudy) -> Any:
     rows = [row for row in found.rows if row.gain]
     best = Column[InSea]("best load", lambda row: row.best_load, "ohm", own_digits=True)
     gains = [Column[InSea](name.replace("_", " "), partial(_gain, name), "%", own_digits=True) for name in rows[0].gain]
-    caption = "Gain of mean power, 95 % intervals: best is the best fixed load of the sea, fixed the load of all seas."
-    return table("gains", caption, [*SEA, best, *gains], rows)
+    outside = Column[InSea]("outside", lambda row: 100.0 * max(row.beyond.values()), "%", 0)
+    caption = (
+        "Gain of mean power, 95 % intervals: best is the best fixed load of the sea, fixed the load of all seas; outside: "
+        "largest share of the time of payout of the others that the logs do not cover."
+    )
+    return table("gains", caption, [*SEA, best, *gains, outside], rows)
 
 
 def _gain(name: str, row: InSea) -> Cell:
