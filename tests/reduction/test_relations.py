@@ -97,8 +97,10 @@ def test_a_lag_that_is_not_reported_lies_in_the_interval() -> None:
     [
         (0.85, ("torque",), True),
         (0.85, ("velocity", "displacement"), True),
+        (0.9, ("force",), True),
+        (1.1, ("torque",), True),
+        (1.1, ("force", "torque"), False),
         (1.0, (), False),
-        (1.1, ("torque",), False),
     ],
 )
 def test_a_machine_gives_no_more_than_it_takes(factor: float, names: tuple[str, ...], found: bool) -> None:

@@ -148,7 +148,8 @@ def integrals_of(t: Signal, streams: Sequence[Stream], windows: Signal) -> Signa
 
 
 def integrals_to(t: Signal, streams: Sequence[Stream], ends: Signal) -> Signal:
-    """Integrate signals from one common instant to each of k others, (k,), as `integrals_of` does over windows, (m, k)."""
+    """Integrate signals from one common instant to each of k others, (k,), as `integrals_of` does
+    over windows, (m, k)."""
     at = np.minimum(np.maximum(np.searchsorted(t, ends, side="right") - 1, 0), t.size - 2)
     order = np.argsort(at, kind="stable")
     whole = np.empty((len(streams), at.size))

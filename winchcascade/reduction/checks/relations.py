@@ -138,8 +138,8 @@ def _twist(log: PhasedLog, payouts: Payouts, late: float | None) -> bool:
 
     Parameters
     ----------
-    late : by which the torque was recorded late [s]; None where that is unknown, and the rotor turns
-        with the line
+    late : by which the torque was recorded late [s]; None where that is unknown, and the rotor
+        turns with the line
     """
     stiffness, radius, torque = log.rig.drivetrain.k_shaft, log.rig.r_drum, payouts.signals.get("torque")
     rotor, known = payouts.signals["velocity"], torque is not None and stiffness is not None and radius is not None

@@ -32,7 +32,8 @@ MIN_POINTS = 20
 """Minimum number of points that shows how one signal follows others."""
 
 RANK = 1e-12
-"""Share of a column that counts as its own whatever the other ones are, in squares: less is rounding. [1]"""
+"""Share of a column that counts as its own whatever the other ones are, in squares: less is
+rounding. [1]"""
 
 EVEN_LENGTH = 16
 """A grid has a multiple of this number of points, so that its transform is fast."""
@@ -217,8 +218,8 @@ def shifted(
 
 
 def _at_shifts(columns: NDArray[np.complex128], y: Signal, shifts: Index) -> tuple[Signal, Signal]:
-    """Sums of products of a signal, (p, n), with m columns, and of its square with the first one, at
-    k shifts, (m, k) and (k,).
+    """Sums of products of a signal, (p, n), with m columns, and of its square with the first one,
+    at k shifts, (m, k) and (k,).
 
     Parameters
     ----------
