@@ -11,7 +11,7 @@ source."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import msgspec
@@ -21,7 +21,7 @@ from winchcascade.core.integrate import largest, median_and_error
 from winchcascade.core.quantity import TURN
 from winchcascade.core.run import Mask
 from winchcascade.reduction.checks.phased_log import Fault, PhasedLog
-from winchcascade.reduction.checks.shifted_fit import Columns, Known, Payouts, columns_of, on_grids, shifted
+from winchcascade.reduction.checks.shifted_fit import Known, Payouts, Sums, on_grids, shifted, sums_of
 from winchcascade.reduction.efficiency import SMALLEST
 from winchcascade.reduction.reduction_result import Relation
 
@@ -110,26 +110,30 @@ def relations_of(log: PhasedLog) -> tuple[Relation, ...]:
     payouts = payouts_of(log) if log.rig.phases.by_motion else None
     if payouts is None:
         return ()
-    twisted = _twist(log, payouts, 0.0)
-    columns = _columns(payouts, payouts.inside)
-    torque = _estimate(log, payouts, columns, OF_TORQUE, known=twisted) if "torque" in payouts.signals else None
+    twisted, laws = _twist(log, payouts, 0.0), [law for law in LAWS if {law.y, law.x} <= payouts.signals.keys()]
+    first = list({law.y: law for law in reversed(laws)}.values())
+    sums = _sums(log, payouts, first, payouts.inside)
+    torque = _estimate(log, payouts, sums, OF_TORQUE, known=twisted)
     if twisted and (torque is None or abs(torque.lag) > payouts.step):  # its rate is that of another time
         twisted = torque is not None
         _twist(log, payouts, torque.lag if torque is not None else None)
-        columns = _columns(payouts, payouts.inside)
-        torque = _estimate(log, payouts, columns, OF_TORQUE, known=twisted)
-    for law in LAWS:
-        if law.y not in found and {law.y, law.x} <= payouts.signals.keys():
-            relation = torque if law is OF_TORQUE else _estimate(log, payouts, columns, law, known=twisted)
+        sums = _sums(log, payouts, first, payouts.inside)
+        torque = _estimate(log, payouts, sums, OF_TORQUE, known=twisted)
+    for law in laws:
+        if law.y not in found:
+            of_law = sums if law in sums else _sums(log, payouts, [law], payouts.inside)
+            relation = torque if law is OF_TORQUE else _estimate(log, payouts, of_law, law, known=twisted)
             if relation is not None:
                 found[law.y] = relation
     return tuple(found.values())
 
 
-def _columns(payouts: Payouts, inside: Mask) -> Columns:
-    """Columns of all laws that the log has."""
-    names = dict.fromkeys(column for law in LAWS for column in law.columns)
-    return columns_of(payouts, [name for name in names if name in payouts.signals], inside)
+def _sums(log: PhasedLog, payouts: Payouts, laws: Sequence[Law], inside: Mask) -> dict[Law, Sums]:
+    """Sums of some laws over the points inside."""
+    if not laws:
+        return {}
+    reach = REACH * log.rig.thresholds.smoothing
+    return dict(zip(laws, sums_of(payouts, [(law.y, law.columns) for law in laws], inside, reach), strict=True))
 
 
 def _twist(log: PhasedLog, payouts: Payouts, late: float | None) -> bool:
@@ -219,22 +223,21 @@ def _complete(payouts: Payouts, v_onset: float) -> None:
         s["torque2"] = s["torque"] ** 2
 
 
-def _estimate(log: PhasedLog, payouts: Payouts, columns: Columns, law: Law, *, known: bool) -> Relation | None:
+def _estimate(log: PhasedLog, payouts: Payouts, sums: Mapping[Law, Sums], law: Law, *, known: bool) -> Relation | None:
     """Lag of one relation; None where its channel is noise, or follows the law at no lag."""
     width = log.rig.thresholds.smoothing
     machine = {"torque", "vdc"} & log.run.channels.keys()
-    if law.rotor and not machine:  # a winch that reels by its own motor sets the tension before it moves
+    if law not in sums or (
+        law.rotor and not machine
+    ):  # a winch that reels by its own motor sets the tension before it moves
         return None
     inertia = INERTIAS[law.y, law.law](log) if (law.y, law.law) in INERTIAS else None
     reach = REACH * width
     shift = None
-    for inside in (None, payouts.unbraked):
-        if inside is not None:  # the clutch opens in the braking, and the rotor runs on
-            columns = _columns(payouts, inside)
-        shift = shifted(
-            payouts, columns, law.y, law.columns,
-            reach=reach, beside=law.beside, left_out=law.left_out, known=inertia,
-        )  # fmt: skip
+    for inside in (payouts.inside, payouts.unbraked):
+        if inside is payouts.unbraked:  # the clutch opens in the braking, and the rotor runs on
+            sums = _sums(log, payouts, [law], inside)
+        shift = shifted(sums[law], payouts.step, beside=law.beside, left_out=law.left_out, known=inertia)
         if shift is not None and shift.misfit < HOLDS:
             break
     if shift is None or shift.residual > FOLLOWS or shift.misfit > HOLDS or abs(shift.lag) > reach - payouts.step:

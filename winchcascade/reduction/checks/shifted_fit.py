@@ -14,7 +14,6 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from winchcascade.core.integrate import integrals_to
 from winchcascade.core.run import Index, Mask, Signal
@@ -64,16 +63,18 @@ class Payouts(NamedTuple):
     signals: dict[str, Signal]
 
 
-class Columns(NamedTuple):
-    """What the fits of several laws share: m names, j points, values of unit norm, (m, j), norms,
-    (m,), products, (m, m), and conjugate transforms, (m, p, f)."""
+class Sums(NamedTuple):
+    """What a fit of a signal needs at k shifts: j flat points; values of m columns of unit norm,
+    (m, j), and their norms, (m,); the signal, (p, n); the inverse of the factor of their products,
+    (m, m), what it makes of their products with the signal, (m, k), and squares of that, (k,)."""
 
-    names: tuple[str, ...]
     points: Index
     values: Signal
     size: Signal
-    products: Signal
-    waves: NDArray[np.complex128]
+    y: Signal
+    factor: Signal
+    along: Signal
+    power: Signal
 
 
 class Known(NamedTuple):
@@ -132,18 +133,21 @@ def on_grids(t: Signal, channels: Mapping[str, Signal], spans: Signal, reach: fl
     return Payouts(middle, step, inside, unbraked, dict(zip(channels, smooth, strict=True)))
 
 
-def columns_of(payouts: Payouts, names: Sequence[str], inside: Mask) -> Columns:
-    """Factors of laws: a constant and some signals, of unit norm without their mean.
+def sums_of(payouts: Payouts, laws: Sequence[tuple[str, Sequence[str]]], inside: Mask, reach: float) -> list[Sums]:
+    """Average, factorise and transform the columns of several laws at once.
 
     Parameters
     ----------
+    laws : name of the signal, and m names of the columns of its law; a constant comes before these
     inside : (p, n) points of the laws; of very many a part counts
+    reach : largest lag [s]
     """
+    names = list(dict.fromkeys(name for _, columns in laws for name in columns))
     points = np.flatnonzero(inside)
     points = points[:: max(1, points.size // POINTS)]
-    values = np.empty((len(names) + 1, points.size))
+    values = np.zeros((len(names) + 2, points.size))  # the last one fills up short laws
     values[0] = max(points.size, 1) ** -0.5
-    for row, name in zip(values[1:], names, strict=True):
+    for row, name in zip(values[1:-1], names, strict=True):
         row[:] = payouts.signals[name].ravel()[points]
     values[1:] -= np.einsum("ij->i", values[1:])[:, None] / max(points.size, 1)
     size = np.sqrt(np.einsum("ij,ij->i", values, values))
@@ -151,84 +155,70 @@ def columns_of(payouts: Payouts, names: Sequence[str], inside: Mask) -> Columns:
     whole = np.zeros((len(values), inside.size))
     whole[:, points] = values
     waves = np.fft.rfft(whole.reshape(-1, *inside.shape)).conj()
-    return Columns(("constant", *names), points, values, size, values @ values.T, waves)
+
+    most = max(len(columns) for _, columns in laws)
+    rows = np.full((len(laws), most + 1), len(values) - 1)
+    for own, (_, columns) in zip(rows, laws, strict=True):
+        own[: len(columns) + 1] = 0, *(1 + names.index(name) for name in columns)
+    y = np.array([payouts.signals[name] for name, _ in laws])
+    y -= y[:, :1, :1]
+    of_y, of_squares = np.fft.rfft(y), np.fft.rfft(y * y)
+    products = np.concatenate((waves[rows] * of_y[:, None], (waves[0] * of_squares)[:, None]), axis=1).sum(axis=2)
+    shifts = np.arange(-int(reach / payouts.step), int(reach / payouts.step) + 1)
+    sums = np.fft.irfft(products, inside.shape[1])[..., shifts]
+    own = (values @ values.T)[rows[:, :, None], rows[:, None, :]] + RANK * np.eye(most + 1)
+    factor = np.linalg.inv(np.linalg.cholesky(own))
+    along, power = factor @ sums[:, :-1], sums[:, -1] * points.size**0.5
+    found = []
+    for k, (_, columns) in enumerate(laws):
+        m = len(columns) + 1
+        of_law = rows[k, :m]
+        found.append(Sums(points, values[of_law], size[of_law], y[k], factor[k, :m, :m], along[k, :m], power[k]))
+    return found
 
 
-def shifted(
-    payouts: Payouts,
-    columns: Columns,
-    name: str,
-    law: Sequence[str],
-    *,
-    reach: float,
-    beside: int,
-    left_out: float,
-    known: Known | None = None,
-) -> Shift | None:
+def shifted(sums: Sums, step: float, *, beside: int, left_out: float, known: Known | None = None) -> Shift | None:
     """Fit the lag of a signal behind its law; None where too few points show it.
 
     Parameters
     ----------
-    columns : of several laws
-    name : of the signal
-    law : names of its columns; a constant is added
-    reach : largest lag [s]
+    step : of the grids [s]
     beside : number of columns, the first ones, that are no motion
     left_out : standard deviation of what the law leaves out, as a share of the range of the signal
         [1]
     known : weight of the last column, which is not negative
     """
-    step, points, rows = payouts.step, columns.points, [0, *(columns.names.index(column) for column in law)]
-    y, size = payouts.signals[name], columns.size[rows]
-    y = y - y[0, 0]
-    if points.size < max(MIN_POINTS, 5 * len(rows)) or not size.all() or not y.any():
+    points, values, size, y, factor, along, power = sums
+    if points.size < max(MIN_POINTS, 5 * len(size)) or not size.all() or not y.any():
         return None
-    shifts = np.arange(-int(reach / step), int(reach / step) + 1)
-    both, power = _at_shifts(columns.waves[rows], y, shifts)
-    power *= points.size**0.5
-    factor = np.linalg.inv(np.linalg.cholesky(columns.products[rows][:, rows] + RANK * np.eye(len(rows))))
-    along = factor @ both
+    shifts = np.arange(power.size) - power.size // 2
     explained = along**2
     unmoved = power - explained[: beside + 1].sum(axis=0)
     moves = unmoved > MOVES * unmoved[shifts.size // 2]
     shifts, unmoved = shifts[moves], unmoved[moves]
     squares, weights = power[moves] - explained[:, moves].sum(axis=0), factor.T @ along[:, moves]
-    values = columns.values[rows]
 
-    def variance(best: int) -> float:
+    def spread(best: int) -> tuple[float, float]:
         signal = y.ravel()[points + shifts[best]]
-        least = points.size / (CORNERS * len(payouts.inside))
-        return _variance(signal - weights[:, best] @ values, left_out * float(np.ptp(signal)), least)
+        least, extent = points.size / (CORNERS * len(y)), float(signal.max() - signal.min())
+        return _variance(signal - weights[:, best] @ values, left_out * extent, least), extent
 
-    found = variance(int(squares.argmin()))
+    best = int(squares.argmin())
+    variance, extent = spread(best)
     if known is not None:
-        equation, off = found / (known.u * size[-1]) ** 2, known.weight * size[-1] - weights[-1]
+        equation, off = variance / (known.u * size[-1]) ** 2, known.weight * size[-1] - weights[-1]
         equation /= 1.0 + equation * factor[-1, -1] ** 2
         tied = squares + equation * off**2
-        if tied.min() - squares.min() < CONTRADICTS * found or weights[-1, squares.argmin()] < 0.0:
+        if tied.min() - squares[best] < CONTRADICTS * variance or weights[-1, best] < 0.0:
             weights = weights + np.outer(factor[-1] * factor[-1, -1], equation * off)
-            squares = tied
-            found = variance(int(squares.argmin()))
-    best, chi = int(squares.argmin()), (squares - squares.min()) / found
+            squares, best = tied, int(tied.argmin())
+            variance, extent = spread(best)
+    chi = (squares - squares[best]) / variance
     lag, u = _vertex(chi, best)
     near = np.flatnonzero(chi < 4.0)  # also about another minimum, which explains the log as well
-    u = max(u, 0.5 * float(np.abs(near - best).max() - 1))
-    misfit = math.sqrt(max(float(squares[best]), 0.0) / points.size) / float(np.ptp(y.ravel()[points + shifts[best]]))
+    u = max(u, 0.5 * float(max(near[-1] - best, best - near[0]) - 1))
+    misfit = math.sqrt(max(float(squares[best]), 0.0) / points.size) / extent
     return Shift(step * float(shifts[best] + lag), step * u, float(squares[best] / unmoved[best]), misfit)
-
-
-def _at_shifts(columns: NDArray[np.complex128], y: Signal, shifts: Index) -> tuple[Signal, Signal]:
-    """Sums of products of a signal, (p, n), with m columns, and of its square with the first one,
-    at k shifts, (m, k) and (k,).
-
-    Parameters
-    ----------
-    columns : (m, p, f) their transforms, conjugate
-    """
-    wave, power = np.fft.rfft(np.array((y, y * y)))
-    products = np.concatenate((columns * wave, columns[:1] * power))
-    sums = np.fft.irfft(products.sum(axis=1), y.shape[1])[:, shifts]
-    return sums[:-1], sums[-1]
 
 
 def _variance(residual: Signal, size: float, least: float) -> float:
