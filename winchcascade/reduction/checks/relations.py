@@ -21,7 +21,7 @@ from winchcascade.core.integrate import largest, median_and_error
 from winchcascade.core.quantity import TURN
 from winchcascade.core.run import Mask
 from winchcascade.reduction.checks.phased_log import Fault, PhasedLog
-from winchcascade.reduction.checks.shifted_fit import Known, Payouts, Sums, on_grids, shifted, sums_of
+from winchcascade.reduction.checks.shifted_fit import Known, Payouts, Sums, on_grids, rate_of, shifted, sums_of
 from winchcascade.reduction.efficiency import SMALLEST
 from winchcascade.reduction.reduction_result import Relation
 
@@ -150,8 +150,8 @@ def _twist(log: PhasedLog, payouts: Payouts, late: float | None) -> bool:
     if torque is not None and stiffness is not None and radius is not None and late is not None:
         points = np.arange(torque.shape[1])
         placed = np.array([np.interp(points + late / payouts.step, points, row) for row in torque]) if late else torque
-        rotor = rotor - radius / stiffness.value * np.gradient(placed, payouts.step, axis=1)
-    acceleration = np.gradient(rotor, payouts.step, axis=1)
+        rotor = rotor - radius / stiffness.value * rate_of(placed, payouts.step)
+    acceleration = rate_of(rotor, payouts.step)
     payouts.signals.update({"v": rotor, "v2": rotor * rotor, "v3": rotor * rotor * rotor, "a": acceleration})
     return known
 

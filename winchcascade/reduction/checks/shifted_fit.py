@@ -133,6 +133,15 @@ def on_grids(t: Signal, channels: Mapping[str, Signal], spans: Signal, reach: fl
     return Payouts(middle, step, inside, unbraked, dict(zip(channels, smooth, strict=True)))
 
 
+def rate_of(x: Signal, step: float) -> Signal:
+    """Central differences of signals on even grids, (p, n), per second; 0 at both ends, which are
+    not compared."""
+    rate = np.zeros_like(x)
+    np.subtract(x[:, 2:], x[:, :-2], out=rate[:, 1:-1])
+    rate *= 0.5 / step
+    return rate
+
+
 def sums_of(payouts: Payouts, laws: Sequence[tuple[str, Sequence[str]]], inside: Mask, reach: float) -> list[Sums]:
     """Average, factorise and transform the columns of several laws at once.
 
@@ -154,7 +163,8 @@ def sums_of(payouts: Payouts, laws: Sequence[tuple[str, Sequence[str]]], inside:
     values /= np.where(size > 0.0, size, 1.0)[:, None]
     whole = np.zeros((len(values), inside.size))
     whole[:, points] = values
-    waves = np.fft.rfft(whole.reshape(-1, *inside.shape)).conj()
+    waves = np.fft.rfft(whole.reshape(-1, *inside.shape))
+    np.conjugate(waves, out=waves)
 
     most = max(len(columns) for _, columns in laws)
     rows = np.full((len(laws), most + 1), len(values) - 1)
@@ -163,7 +173,9 @@ def sums_of(payouts: Payouts, laws: Sequence[tuple[str, Sequence[str]]], inside:
     y = np.array([payouts.signals[name] for name, _ in laws])
     y -= y[:, :1, :1]
     of_y, of_squares = np.fft.rfft(y), np.fft.rfft(y * y)
-    products = np.concatenate((waves[rows] * of_y[:, None], (waves[0] * of_squares)[:, None]), axis=1).sum(axis=2)
+    products = np.empty((len(laws), most + 2, waves.shape[2]), dtype=np.complex128)
+    np.einsum("lmpf,lpf->lmf", waves[rows], of_y, out=products[:, :-1])  # a product of all would be large
+    np.einsum("pf,lpf->lf", waves[0], of_squares, out=products[:, -1])
     shifts = np.arange(-int(reach / payouts.step), int(reach / payouts.step) + 1)
     sums = np.fft.irfft(products, inside.shape[1])[..., shifts]
     own = (values @ values.T)[rows[:, :, None], rows[:, None, :]] + RANK * np.eye(most + 1)
@@ -189,14 +201,15 @@ def shifted(sums: Sums, step: float, *, beside: int, left_out: float, known: Kno
     known : weight of the last column, which is not negative
     """
     points, values, size, y, factor, along, power = sums
-    if points.size < max(MIN_POINTS, 5 * len(size)) or not size.all() or not y.any():
+    if points.size < max(MIN_POINTS, 5 * len(size)) or not size.all():
         return None
     shifts = np.arange(power.size) - power.size // 2
     explained = along**2
     unmoved = power - explained[: beside + 1].sum(axis=0)
+    if unmoved[shifts.size // 2] <= RANK * power[shifts.size // 2]:
+        return None
     moves = unmoved > MOVES * unmoved[shifts.size // 2]
-    shifts, unmoved = shifts[moves], unmoved[moves]
-    squares, weights = power[moves] - explained[:, moves].sum(axis=0), factor.T @ along[:, moves]
+    squares, weights = np.where(moves, power - explained.sum(axis=0), math.inf), factor.T @ along
 
     def spread(best: int) -> tuple[float, float]:
         signal = y.ravel()[points + shifts[best]]
@@ -239,8 +252,8 @@ def _variance(residual: Signal, size: float, least: float) -> float:
 def _vertex(chi: Signal, best: int) -> tuple[float, float]:
     """Place of the minimum beside the best shift, and the distance at which chi squared rises by 1.
     [shifts]"""
-    if not 0 < best < chi.size - 1:
-        return 0.0, float(chi.size)
-    before, after = float(chi[best - 1]), float(chi[best + 1])
+    before, after = (float(chi[k]) if 0 <= k < chi.size else math.inf for k in (best - 1, best + 1))
     bend = 0.5 * (before + after)
+    if math.isinf(bend):
+        return 0.0, float(chi.size)
     return 0.25 * (before - after) / bend, 1.0 / math.sqrt(bend)
