@@ -106,6 +106,8 @@ def power_of_shaft(log: PhasedLog) -> Bound | None:
     damper = 0.0 if train.b_rotor is None else train.b_rotor.value
     diode = SILICON if machine.v_diode is None else machine.v_diode.value
     put, got = torque * v / radius * mesh, (v_dc + 2.0 * diode + copper * i_dc) * i_dc + damper * (per_line * v) ** 2
+    if not (put > 0.0).all():
+        return None
     channels = (("torque", torque), ("vdc", v_dc), ("idc", i_dc))
     return Bound("more_than_shaft", "torque", got / put - 1.0, _u(log, channels), POWER)
 

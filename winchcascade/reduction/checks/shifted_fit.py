@@ -128,7 +128,9 @@ def on_grids(t: Signal, channels: Mapping[str, Signal], spans: Signal, reach: fl
     cells = np.clip(np.arange(count), first, last).astype(np.intp) + count * np.arange(len(edges))[:, None]
     means = areas.reshape(len(areas), -1)[:, cells] / step
     kernel = smoothing_weights(half) if half else np.ones(1)
-    smooth = np.convolve(means.ravel(), kernel, "same").reshape(means.shape)  # ends are not compared
+    smooth = np.convolve(means.ravel(), kernel, "same").reshape(means.shape)
+    for ends in (slice(0, half), slice(count - half, count)):  # which have neighbours of another channel
+        smooth[..., ends] = means[..., ends]
     unbraked = inside & (middle < spans[long, 1:2])
     return Payouts(middle, step, inside, unbraked, dict(zip(channels, smooth, strict=True)))
 
@@ -226,6 +228,8 @@ def shifted(sums: Sums, step: float, *, beside: int, left_out: float, known: Kno
             weights = weights + np.outer(factor[-1] * factor[-1, -1], equation * off)
             squares, best = tied, int(tied.argmin())
             variance, extent = spread(best)
+    if not extent:
+        return None
     chi = (squares - squares[best]) / variance
     lag, u = _vertex(chi, best)
     near = np.flatnonzero(chi < 4.0)  # also about another minimum, which explains the log as well
