@@ -21,8 +21,8 @@ DESERVED = {"rig_assumed", "thresholds_assumed", "phase_source", "incomplete_cyc
 """Findings that campaigns with labels deserve: some name no rig, one states no thresholds of its rig, one has waves without a
 rest, one states a wrong load."""
 
-LATE = ("channel_lag", "vdc")
-"""Finding that the campaign of a lag of Vdc and Idc deserves."""
+LATE = ("labelled/electrical_lag/", "channel_lag", "vdc")
+"""Campaign whose truth is a lag of Vdc and Idc, and the finding that its logs alone deserve."""
 
 Named = Iterator[tuple[str, Result, Result | None, Mapping[str, Signal]]]
 """Name, result, result of the same motion at a high rate if that is known, and the channels in the units of the file."""
@@ -41,7 +41,7 @@ def folders(place: str) -> Callable[[], Named]:
                     continue
                 for window in (None, "auto", "payout"):
                     yield (
-                        f"{path.parent.name}/{path.name} window {window}",
+                        f"{place}/{path.relative_to(root)} window {window}",
                         found(reduce(run, window=window)),
                         None,
                         run.channels,
@@ -113,14 +113,16 @@ def false_findings(source: str) -> tuple[int, list[str]]:
         logs += 1
         coarse = true is not None and bool(moved(true, seen))
         false = [
-            f"{f.kind} {f.channel or ''}: {f.message}" for f in seen.findings if not deserved(f, true, coarse, channels)
+            f"{f.kind} {f.channel or ''}: {f.message}"
+            for f in seen.findings
+            if not deserved(f, name, true, coarse, channels)
         ]
         false += [f"rejected: {seen.rejected}"] if seen.rejected else []
         words += [f"{name}: {'; '.join(false)}"] if false else []
     return logs, words
 
 
-def deserved(finding: Finding, true: Result | None, coarse: bool, channels: Mapping[str, Signal]) -> bool:
+def deserved(finding: Finding, name: str, true: Result | None, coarse: bool, channels: Mapping[str, Signal]) -> bool:
     """Whether a log deserves a finding: a rate that moves a number, a sensor beyond its range, a line below zero tension."""
     if finding.kind in ("coarse_sampling", "coarse_resolution"):
         return coarse
@@ -128,4 +130,6 @@ def deserved(finding: Finding, true: Result | None, coarse: bool, channels: Mapp
         return bool(np.max(channels[finding.channel]) > LIMITS[finding.channel])
     if finding.kind == "slack_line":
         return bool(np.min(channels["force"]) < 0.0)
-    return true is None and (finding.kind in DESERVED or (finding.kind, finding.channel) == LATE)
+    campaign, *late = LATE
+    late_here = name.startswith(campaign) and [finding.kind, finding.channel] == late
+    return true is None and (finding.kind in DESERVED or late_here)

@@ -97,8 +97,10 @@ def test_a_lag_that_is_not_reported_lies_in_the_interval() -> None:
     [
         (0.85, ("torque",), True),
         (0.85, ("velocity", "displacement"), True),
+        (0.9, ("force",), True),
+        (1.1, ("torque",), True),
+        (1.1, ("force", "torque"), False),
         (1.0, (), False),
-        (1.1, ("torque",), False),
     ],
 )
 def test_a_machine_gives_no_more_than_it_takes(factor: float, names: tuple[str, ...], found: bool) -> None:
@@ -117,6 +119,19 @@ def test_the_json_has_every_relation_with_its_gain_and_lag() -> None:
     for r in written:
         assert abs(r["lag_s"]) < 0.03
         assert r["gain"] is None or math.isclose(r["gain"], 1.0, abs_tol=0.01)
+
+
+def test_a_relation_is_that_of_its_own_channels_whatever_the_size_of_others() -> None:
+    run = replace(clean(), channels={**clean().channels, "pressure": 1e6 * clean().channels["pressure"]})
+    before, after = (relation(reduce(of, window=WINDOW), "vdc") for of in (clean(), run))
+    assert (after.lag, after.u) == pytest.approx((before.lag, before.u), rel=1e-6)
+
+
+@pytest.mark.parametrize("y", ["displacement", "force", "torque", "vdc", "idc"])
+def test_a_channel_that_never_changes_has_no_relation(y: str) -> None:
+    found = reduce(scaled(0.0, y), window=WINDOW)
+    assert y not in {r.y for r in found.relations}
+    assert not {kind for kind in kinds(found) if kind[0] == "channel_lag"}
 
 
 # ---------------------------------------------------------------------------------------------- several logs

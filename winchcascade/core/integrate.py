@@ -143,17 +143,23 @@ def integrals_of(t: Signal, streams: Sequence[Stream], windows: Signal) -> Signa
     -------
     (m, k) in the unit of the signals times seconds
     """
-    at = np.minimum(np.maximum(np.searchsorted(t, windows, side="right") - 1, 0), t.size - 2)
-    ends = at.ravel()
-    order = np.argsort(ends, kind="stable")
-    whole = np.empty((len(streams), ends.size))
-    whole[:, order] = _running(t, streams, ends[order])
-    into = windows - t[at]
+    to_ends = integrals_to(t, streams, windows.ravel())
+    return np.asarray(to_ends[:, 1::2] - to_ends[:, ::2])
+
+
+def integrals_to(t: Signal, streams: Sequence[Stream], ends: Signal) -> Signal:
+    """Integrate signals from one common instant to each of k others, (k,), as `integrals_of` does
+    over windows, (m, k)."""
+    at = np.minimum(np.maximum(np.searchsorted(t, ends, side="right") - 1, 0), t.size - 2)
+    order = np.argsort(at, kind="stable")
+    whole = np.empty((len(streams), at.size))
+    whole[:, order] = _running(t, streams, at[order])
+    into = ends - t[at]
     half_share = 0.5 * (into / (t[at + 1] - t[at]))
     for row, stream in zip(whole, streams, strict=True):  # on to each end, along the straight line between two samples
         before, after = stream(at), stream(at + 1)
-        row += (into * (before + half_share * (after - before))).ravel()
-    return np.asarray(whole[:, 1::2] - whole[:, ::2])
+        row += into * (before + half_share * (after - before))
+    return whole
 
 
 def running(t: Signal, stream: Stream, ends: Index) -> Signal:

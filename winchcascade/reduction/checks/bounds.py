@@ -1,7 +1,7 @@
-"""What a machine with the numbers of the rig file cannot exceed: the power of its shaft, and the
-peak of its back-EMF.
+"""What a machine with the numbers of the rig file cannot exceed: the power of its line, that of its
+shaft, and the peak of its back-EMF.
 
-Both hold whatever losses the rig file leaves out, as a loss lowers what comes out alone. A gain of
+All hold whatever losses the rig file leaves out, as a loss lowers what comes out alone. A gain of
 torque, velocity or DC channels by which more comes out than goes in is therefore visible in one
 log."""
 
@@ -18,11 +18,12 @@ from winchcascade.core.integrate import median, median_and_error
 from winchcascade.core.quantity import TURN
 from winchcascade.core.run import Signal
 from winchcascade.core.scales import SILICON
+from winchcascade.reduction.checks.at_rest import forces_at_rest
 from winchcascade.reduction.checks.phased_log import Fault, PhasedLog
 
 POWER = 0.04
-"""Smallest share by which the power behind the shaft exceeds that of the shaft in a finding: the
-shaft rings on a short plateau, and a coarse log does not average that out. [1]"""
+"""Smallest share by which the power of the shaft or behind it exceeds the one before it in a
+finding: the shaft rings on a short plateau, and a coarse log does not average that out. [1]"""
 
 VOLTAGE = 0.05
 """The same of Vdc over the peak of the back-EMF, as entries of gear and radius err by some percent.
@@ -46,7 +47,7 @@ class Bound(NamedTuple):
 
 def exceeded(log: PhasedLog) -> Iterator[Fault]:
     """Bounds that the usual plateau of a log exceeds."""
-    for bound in (power_of_shaft(log), peak_of_voltage(log)):
+    for bound in (power_of_line(log), power_of_shaft(log), peak_of_voltage(log)):
         if bound is None:
             continue
         excess, scatter = median_and_error(bound.excess)
@@ -77,6 +78,21 @@ def _ratio_of_speeds(log: PhasedLog) -> float | None:
     return None if radius is None or gear is None else gear.value / radius
 
 
+def power_of_line(log: PhasedLog) -> Bound | None:
+    """P_mech over P_line without what the restoring module takes: at least what holds the gas, or
+    the line at rest, as friction and the gas add to it in a payout."""
+    means, radius = _means(log, "force", "torque"), log.rig.r_drum
+    if means is None or not means.size or radius is None:
+        return None
+    force, torque = means
+    held = [min(tension, balanced) for _, tension, balanced in forces_at_rest(log)]
+    drives = force - (max(median(np.array(held)), 0.0) if held else 0.0)
+    if not (drives > 0.0).all():
+        return None
+    u = _u(log, (("torque", torque), ("force", drives)))
+    return Bound("more_than_line", "torque", torque / (drives * radius) - 1.0, u, POWER)
+
+
 def power_of_shaft(log: PhasedLog) -> Bound | None:
     """P_gen with the losses in mesh, copper, diodes and damper that the rig file states, over
     P_mech."""
@@ -90,6 +106,8 @@ def power_of_shaft(log: PhasedLog) -> Bound | None:
     damper = 0.0 if train.b_rotor is None else train.b_rotor.value
     diode = SILICON if machine.v_diode is None else machine.v_diode.value
     put, got = torque * v / radius * mesh, (v_dc + 2.0 * diode + copper * i_dc) * i_dc + damper * (per_line * v) ** 2
+    if not (put > 0.0).all():
+        return None
     channels = (("torque", torque), ("vdc", v_dc), ("idc", i_dc))
     return Bound("more_than_shaft", "torque", got / put - 1.0, _u(log, channels), POWER)
 

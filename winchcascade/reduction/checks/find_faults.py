@@ -66,6 +66,12 @@ FAULTS: dict[str, tuple[FindingKind, str, str]] = {
         "{channel} steps by {change} ({share:+.1%} of its largest value) where it passes {level}, while {partner} does not",
         KEPT + "; check both for a meter that changes its range, and for an offset that appears under load",
     ),
+    "more_than_line": (
+        "gain_mismatch",
+        "on the plateau the torque is {ratio:.3f} times what the line gives beyond its tension at rest (95 % interval "
+        "{low:.3f} to {high:.3f}), and no drum gives more than it takes",
+        KEPT + "; the torque reads too much, or the force too little: check their gains and r_drum",
+    ),
     "more_than_shaft": (
         "gain_mismatch",
         "on the plateau P_gen and the losses of the rig file are {ratio:.3f} times the power of the shaft (95 % interval "

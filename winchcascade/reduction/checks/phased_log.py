@@ -10,8 +10,9 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from winchcascade.core.accuracy import CERTAIN
+from winchcascade.core.accuracy import CERTAIN, open_circuit_current
 from winchcascade.core.cascade import ELECTRICAL, Power
+from winchcascade.core.integrate import largest
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run, Signal
 from winchcascade.reduction.efficiency import ratio, runs_idle
@@ -94,6 +95,19 @@ class PhasedLog(msgspec.Struct, frozen=True, dict=True):
         known = [name for name in self.rig.cascade.energies if all(c.metrics[name] is not None for c in self.complete)]
         shares = [ratio(c.metrics[known[-1]], c.metrics[known[0]]) for c in self.complete if known]
         return self.run.open_circuit or runs_idle(shares)
+
+    @cached_property
+    def idles(self) -> bool:
+        """Whether no load takes a current, so that the rotor runs on when the line slows down."""
+        v_dc, i_dc = (self.run.channels.get(name) for name in ("vdc", "idc"))
+        if v_dc is None or i_dc is None:
+            return self.idle
+        return self.run.open_circuit or largest(i_dc) <= open_circuit_current(self.rig, largest(v_dc))
+
+    @cached_property
+    def top_speed(self) -> float:
+        """Largest smoothed speed of the line. [m/s]"""
+        return largest(self.phased.v_smooth)
 
     @cached_property
     def powers(self) -> dict[str, Power]:

@@ -11,18 +11,17 @@ source."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
-from winchcascade.core.accuracy import CERTAIN, open_circuit_current
-from winchcascade.core.integrate import largest, median_and_error, white_noise
+from winchcascade.core.integrate import largest, median_and_error
 from winchcascade.core.quantity import TURN
-from winchcascade.core.run import Signal
+from winchcascade.core.run import Mask
 from winchcascade.reduction.checks.phased_log import Fault, PhasedLog
-from winchcascade.reduction.checks.shifted_fit import Known, Payout, on_grid, shifted
+from winchcascade.reduction.checks.shifted_fit import Known, Payouts, Sums, on_grids, rate_of, shifted, sums_of
 from winchcascade.reduction.efficiency import SMALLEST
 from winchcascade.reduction.reduction_result import Relation
 
@@ -101,55 +100,60 @@ LAWS = (
 )  # fmt: skip
 """The table. Of two rows with the same y the first one counts whose x the log has."""
 
+OF_TORQUE = next(law for law in LAWS if law.y == "torque")
+"""The row that is estimated first: the twist of the shaft is in proportion to the torque."""
+
 
 def relations_of(log: PhasedLog) -> tuple[Relation, ...]:
     """Estimate the relations of a log once, over the checked payouts whose onset it holds."""
     found: dict[str, Relation] = {}
-    payouts = payouts_of(log) if log.rig.phases.by_motion else []
-    twisted = _twist(log, payouts)
-    for law in LAWS if payouts else ():
-        if law.y not in found and {law.y, law.x} <= payouts[0].signals.keys():
-            relation = _estimate(log, payouts, law, known=twisted)
+    payouts = payouts_of(log) if log.rig.phases.by_motion else None
+    if payouts is None:
+        return ()
+    twisted, laws = _twist(log, payouts, 0.0), [law for law in LAWS if {law.y, law.x} <= payouts.signals.keys()]
+    first = list({law.y: law for law in reversed(laws)}.values())
+    sums = _sums(log, payouts, first, payouts.inside)
+    torque = _estimate(log, payouts, sums, OF_TORQUE, known=twisted)
+    if twisted and (torque is None or abs(torque.lag) > payouts.step):  # its rate is that of another time
+        twisted = torque is not None
+        _twist(log, payouts, torque.lag if torque is not None else None)
+        sums = _sums(log, payouts, first, payouts.inside)
+        torque = _estimate(log, payouts, sums, OF_TORQUE, known=twisted)
+    for law in laws:
+        if law.y not in found:
+            of_law = sums if law in sums else _sums(log, payouts, [law], payouts.inside)
+            relation = torque if law is OF_TORQUE else _estimate(log, payouts, of_law, law, known=twisted)
             if relation is not None:
                 found[law.y] = relation
     return tuple(found.values())
 
 
-def _twist(log: PhasedLog, payouts: Sequence[Payout]) -> bool:
+def _sums(log: PhasedLog, payouts: Payouts, laws: Sequence[Law], inside: Mask) -> dict[Law, Sums]:
+    """Sums of some laws over the points inside."""
+    if not laws:
+        return {}
+    reach = REACH * log.rig.thresholds.smoothing
+    return dict(zip(laws, sums_of(payouts, [(law.y, law.columns) for law in laws], inside, reach), strict=True))
+
+
+def _twist(log: PhasedLog, payouts: Payouts, late: float | None) -> bool:
     """Give the rotor laws the speed of the rotor: that of the line without the rate at which the
-    loaded shaft winds up.
+    loaded shaft winds up. False where torque or stiffness of the shaft are unknown.
 
-    The torque itself is placed by its own law first. False where torque or stiffness of the shaft
-    are unknown."""
-    stiffness, radius, width = log.rig.drivetrain.k_shaft, log.rig.r_drum, log.rig.thresholds.smoothing
-    law = next(law for law in LAWS if law.y == "torque")
-    if not payouts or "torque" not in payouts[0].signals or stiffness is None or radius is None:
-        return False
-    columns = [_columns(p, law) for p in payouts]
-    shift = shifted(payouts, columns, "torque", reach=REACH * width, beside=0, left_out=CUBIC, known=_of_rotor(log))
-    if shift is None or shift.residual > FOLLOWS:
-        return False
-    late = shift.lag - wound(log)
-    for p in payouts:
-        torque = np.interp(p.t + late, p.t, p.signals["torque"])
-        _complete(
-            p,
-            p.signals["velocity"] - radius / stiffness.value * np.gradient(torque, p.step),
-            log.rig.thresholds.v_onset,
-        )
-    return True
-
-
-def idles(log: PhasedLog) -> bool:
-    """Whether no load takes a current, so that the rotor runs on when the line slows down."""
-    v_dc, i_dc = (log.run.channels.get(name) for name in ("vdc", "idc"))
-    if v_dc is None or i_dc is None:
-        return log.idle
-    return log.run.open_circuit or largest(i_dc) <= open_circuit_current(log.rig, largest(v_dc))
-
-
-def _columns(payout: Payout, law: Law) -> Signal:
-    return np.array([payout.signals[name][payout.inside] for name in law.columns])
+    Parameters
+    ----------
+    late : by which the torque was recorded late [s]; None where that is unknown, and the rotor
+        turns with the line
+    """
+    stiffness, radius, torque = log.rig.drivetrain.k_shaft, log.rig.r_drum, payouts.signals.get("torque")
+    rotor, known = payouts.signals["velocity"], torque is not None and stiffness is not None and radius is not None
+    if torque is not None and stiffness is not None and radius is not None and late is not None:
+        points = np.arange(torque.shape[1])
+        placed = np.array([np.interp(points + late / payouts.step, points, row) for row in torque]) if late else torque
+        rotor = rotor - radius / stiffness.value * rate_of(placed, payouts.step)
+    acceleration = rate_of(rotor, payouts.step)
+    payouts.signals.update({"v": rotor, "v2": rotor * rotor, "v3": rotor * rotor * rotor, "a": acceleration})
+    return known
 
 
 def late(log: PhasedLog, relations: Sequence[Relation]) -> Iterator[Fault]:
@@ -181,60 +185,62 @@ def late(log: PhasedLog, relations: Sequence[Relation]) -> Iterator[Fault]:
         yield Fault("late", behind, spans, values)
 
 
-def payouts_of(log: PhasedLog) -> list[Payout]:
+def payouts_of(log: PhasedLog) -> Payouts | None:
     """The payouts on their grids, with all that the laws need; in open circuit up to the braking,
-    where the clutch opens."""
-    phased, run, width = log.phased, log.run, log.rig.thresholds.smoothing
-    names = ("velocity", "displacement", "torque", "force", "pressure", *(() if idles(log) else ("vdc", "idc")))
-    channels = {name: run.channels[name] for name in names if name in run.channels}
-    found = []
-    for k in phased.chosen() if "velocity" in channels else ():
+    where the clutch opens. None where the log holds no velocity, or no onset."""
+    phased, run, width, idle = log.phased, log.run, log.rig.thresholds.smoothing, log.idles
+    names = ("velocity", "displacement", "torque", "force", "pressure", *(() if idle else ("vdc", "idc")))
+    spans = []
+    for k in phased.chosen() if "velocity" in run.channels else ():
         cycle, plateau = phased.cycles[k], phased.plateaus[k]
         if not cycle.begins_inside:
             braking = plateau.braking if plateau is not None else cycle.payout_end
-            span = cycle.onset, braking, braking if idles(log) else cycle.payout_end
-            payout = on_grid(run.t, channels, span, (REACH + 1.0) * width, width)
-            if payout is not None and payout.inside.size:
-                _complete(payout, payout.signals["velocity"], log.rig.thresholds.v_onset)
-                found.append(payout)
-    return found
+            spans.append((cycle.onset, braking, braking if idle else cycle.payout_end))
+    channels = {name: run.channels[name] for name in names if name in run.channels}
+    payouts = on_grids(run.t, channels, np.array(spans), REACH * width, width) if spans else None
+    if payouts is not None:
+        _complete(payouts, log.rig.thresholds.v_onset)
+    return payouts
 
 
-def _complete(payout: Payout, rotor: Signal, v_onset: float) -> None:
-    """Add what laws are made of: powers of the speed of the rotor and of the torque, acceleration,
-    travel, and what a line at rest depends on.
+def _complete(payouts: Payouts, v_onset: float) -> None:
+    """Add what laws are made of: that of a rotor that turns with the line, travel, square of the
+    torque, and what a line at rest depends on.
 
     Parameters
     ----------
-    rotor : (n,) its speed at the line [m/s]
     v_onset : speed at which a payout begins [m/s]
     """
-    s, v = payout.signals, payout.signals["velocity"]
-    s |= {"v": rotor, "v2": rotor**2, "v3": rotor**3, "a": np.gradient(rotor, payout.step), "time": payout.t}
+    s, v = payouts.signals, payouts.signals["velocity"]
+    s["time"] = payouts.t
     s["friction"] = v / (np.abs(v) + v_onset)  # of the restoring module, which reverses at the onset
-    s["travel"] = np.concatenate(([0.0], np.cumsum(0.5 * (v[1:] + v[:-1])))) * payout.step
+    s["travel"] = (np.cumsum(v, axis=1) - 0.5 * v) * payouts.step
+    if "displacement" in s:  # from where the line is at the onset
+        onset = payouts.inside.argmax(axis=1)[:, None]
+        s["travel"] += np.take_along_axis(s["displacement"] - s["travel"], onset, axis=1)
     s["rest"] = s[next(name for name in ("pressure", "displacement", "time") if name in s)]
     if "torque" in s:
         s["torque2"] = s["torque"] ** 2
 
 
-def _estimate(log: PhasedLog, payouts: Sequence[Payout], law: Law, *, known: bool) -> Relation | None:
+def _estimate(log: PhasedLog, payouts: Payouts, sums: Mapping[Law, Sums], law: Law, *, known: bool) -> Relation | None:
     """Lag of one relation; None where its channel is noise, or follows the law at no lag."""
     width = log.rig.thresholds.smoothing
     machine = {"torque", "vdc"} & log.run.channels.keys()
-    if law.rotor and not machine:  # a winch that reels by its own motor sets the tension before it moves
-        return None
-    if any(np.ptp(p.signals[law.y]) < 2.0 * CERTAIN * white_noise(log.run.channels[law.y]) for p in payouts[:1]):
+    if law not in sums or (
+        law.rotor and not machine
+    ):  # a winch that reels by its own motor sets the tension before it moves
         return None
     inertia = INERTIAS[law.y, law.law](log) if (law.y, law.law) in INERTIAS else None
     reach = REACH * width
     shift = None
-    for some in (payouts, [p._replace(inside=p.inside[: p.braking]) for p in payouts]):
-        columns = [_columns(p, law) for p in some]
-        shift = shifted(some, columns, law.y, reach=reach, beside=law.beside, left_out=law.left_out, known=inertia)
+    for inside in (payouts.inside, payouts.unbraked):
+        if inside is payouts.unbraked:  # the clutch opens in the braking, and the rotor runs on
+            sums = _sums(log, payouts, [law], inside)
+        shift = shifted(sums[law], payouts.step, beside=law.beside, left_out=law.left_out, known=inertia)
         if shift is not None and shift.misfit < HOLDS:
-            break  # else the clutch opens in the braking, and the rotor runs on
-    if shift is None or shift.residual > FOLLOWS or shift.misfit > HOLDS or abs(shift.lag) > reach - payouts[0].step:
+            break
+    if shift is None or shift.residual > FOLLOWS or shift.misfit > HOLDS or abs(shift.lag) > reach - payouts.step:
         return None
     delay, u = _delay(log, law.y, known=known) if law.rotor else (0.0, 0.0)
     u_law, least = math.hypot(u, law.u * width), max(law.least * width, 1.0 / log.run.fs)
@@ -242,13 +248,18 @@ def _estimate(log: PhasedLog, payouts: Sequence[Payout], law: Law, *, known: boo
     return Relation(law.y, law.x, law.law, shift.lag - delay, math.hypot(shift.u, u_law), u_law, least, gain, u_gain)
 
 
-def _gain(log: PhasedLog, payouts: Sequence[Payout], law: Law) -> tuple[float | None, float | None]:
+def _gain(log: PhasedLog, payouts: Payouts, law: Law) -> tuple[float | None, float | None]:
     """Travel of the displacement over that of the velocity, or Idc over Vdc / R, and its standard
     uncertainty; else None."""
     ratios, load = np.empty(0), log.run.load
     if law.law == "integral":
-        ends = [(p.inside[[0, -1]], p.signals) for p in payouts]
-        ratios = np.array([np.ptp(s["displacement"][k]) / np.ptp(s["travel"][k]) for k, s in ends])
+        first = payouts.inside.argmax(axis=1)
+        ends = first[:, None] + np.array([[0, 1]]) * (np.count_nonzero(payouts.inside, axis=1) - 1)[:, None]
+        moved, expected = (
+            np.ptp(np.take_along_axis(payouts.signals[name], ends, axis=1), axis=1)
+            for name in ("displacement", "travel")
+        )
+        ratios = moved / expected
     elif law.law == "load" and load is not None and log.points.spans:
         v_dc, i_dc = log.points.mean
         ratios = i_dc * load / v_dc
@@ -267,9 +278,9 @@ def _of_rotor(log: PhasedLog) -> Known | None:
     mesh = train.eta_mesh.value if train.eta_mesh is not None else 1.0
     weight = train.inertia_rotor.value * train.gear_ratio.value**2 / radius / mesh
     volts, amperes = (log.run.channels.get(name) for name in ("vdc", "idc"))
-    if capacity is not None and volts is not None and not idles(log) and amperes is not None:
+    if capacity is not None and volts is not None and not log.idles and amperes is not None:
         per_ampere = largest(log.run.channels["torque"]) / max(largest(amperes), SMALLEST)
-        weight += capacity.value * largest(volts) / largest(log.phased.v_smooth) * per_ampere
+        weight += capacity.value * largest(volts) / log.top_speed * per_ampere
     return Known(weight, OF_INERTIA * weight)
 
 
@@ -294,16 +305,7 @@ def _delay(log: PhasedLog, channel: str, *, known: bool) -> tuple[float, float]:
     if channel == "vdc":
         known = known and capacity is not None and resistance is not None
         delay = capacity.value * resistance if capacity is not None and resistance is not None else 0.0
-    return delay, OF_DELAY * delay if known and not idles(log) else UNKNOWN_MACHINE * log.rig.thresholds.smoothing
-
-
-def wound(log: PhasedLog) -> float:
-    """Time by which the twist of the loaded shaft delays the generator, 0 where torque or shaft are
-    unknown. [s]"""
-    stiffness, radius, torque = log.rig.drivetrain.k_shaft, log.rig.r_drum, log.run.channels.get("torque")
-    if stiffness is None or radius is None or torque is None:
-        return 0.0
-    return largest(torque) / stiffness.value * radius / largest(log.phased.v_smooth)
+    return delay, OF_DELAY * delay if known and not log.idles else UNKNOWN_MACHINE * log.rig.thresholds.smoothing
 
 
 def _source(log: PhasedLog) -> float | None:
@@ -312,7 +314,7 @@ def _source(log: PhasedLog) -> float | None:
     machine, radius, gear = log.rig.generator, log.rig.r_drum, log.rig.drivetrain.gear_ratio
     if machine.r_s is None or machine.l_s is None or machine.pole_pairs is None or radius is None or gear is None:
         return None
-    omega = largest(log.phased.v_smooth) / radius * gear.value * machine.pole_pairs.value
+    omega = log.top_speed / radius * gear.value * machine.pole_pairs.value
     source = 2.0 * machine.r_s.value + 6.0 / TURN * omega * machine.l_s.value
     load = log.run.load
     return source if load is None or math.isinf(load) else source * load / (source + load)
