@@ -1,7 +1,9 @@
-"""How often each sign of a diagnosis rings on rigs of all sizes with nothing injected: python benchmarks/alarms.py --out FILE
+"""How often each sign of a diagnosis rings on rigs of all sizes with nothing injected: python
+benchmarks/alarms.py --out FILE
 
-Each campaign is judged with no suspect, so that what remains is the model of the rig file, noise and tolerances. A line of
-JSON for each is added to FILE, so that the run can be interrupted; --score prints the table of what is there.
+Each campaign is judged with no suspect, so that what remains is the model of the rig file, noise
+and tolerances. A line of JSON for each is added to FILE, so that the run can be interrupted;
+--score prints the table of what is there.
 """
 
 from __future__ import annotations
@@ -34,16 +36,21 @@ def sizes_of(number: int) -> dict[str, float]:
     if not isinstance(found, ModelDiagnosis):
         raise TypeError(f"{case.name}: expected a rig with a machine")
     return {
-        sign.kind: max((one.size / max(one.limit, DUST) for one in sign.of(found.judged)), default=0.0)
+        sign.kind: max(
+            (one.size / max(one.limit, DUST) for one in sign.of(found.judged)), default=0.0
+        )
         for group in SIGNS
         for sign in group
     }
 
 
 def table(lines: list[dict[str, float]]) -> str:
-    """Share of the campaigns in which each sign rings, and quantiles of its largest comparison over the limit."""
+    """Share of the campaigns in which each sign rings, and quantiles of its largest comparison
+    over the limit.
+    """
     rows = [
-        f"{'sign':<12}{'rings':>8}{'median':>8}{'95 %':>8}{'99 %':>8}{'most':>8}   of the limit, {len(lines)} campaigns"
+        f"{'sign':<12}{'rings':>8}{'median':>8}{'95 %':>8}{'99 %':>8}{'most':>8}   of the limit, "
+        f"{len(lines)} campaigns"
     ]
     for sign in (sign for group in SIGNS for sign in group):
         x = np.array([line[sign.kind] for line in lines])

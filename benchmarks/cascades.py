@@ -1,9 +1,10 @@
-"""Cascades of random stages with hidden losses: how many of them laws of stages name, and how often intervals hold.
+"""Cascades of random stages with hidden losses: how many of them laws of stages name, and how often
+intervals hold.
 
-A cascade has one to four stages from hydraulics over a shaft to terminals, of 1 W to 1 MW. Each stage
-has three to eight laws; the rig file states all but two of them, or all, with a standard uncertainty
-that the truth keeps. Sensors have gains and zeros within what the rig file states. No line of this file
-uses the code that it tries, but for the names of the laws.
+A cascade has one to four stages from hydraulics over a shaft to terminals, of 1 W to 1 MW. Each
+stage has three to eight laws; the rig file states all but two of them, or all, with a standard
+uncertainty that the truth keeps. Sensors have gains and zeros within what the rig file states. No
+line of this file uses the code that it tries, but for the names of the laws.
 
     python benchmarks/cascades.py --cases 60
 """
@@ -45,21 +46,32 @@ Truth = dict[str, float]
 def signals_of(into: str, out: str) -> set[str]:
     """Signals of a stage by the names of its ends."""
     own = {"hyd": {"flow", "pressure"}, "mech": {"speed"}}
-    return {"power", *(name for end in (into, out) for name in own.get(end, {"current", "voltage"}))}
+    return {
+        "power",
+        *(name for end in (into, out) for name in own.get(end, {"current", "voltage"})),
+    }
 
 
 def drawn(rng: np.random.Generator, hidden: int) -> tuple[dict[str, np.ndarray], str, Truth]:
-    """Channels of a log by their names, the rig file, and the hidden laws by stage with their numbers."""
+    """Channels of a log by their names, the rig file, and the hidden laws by stage with their
+    numbers.
+    """
     first, paths = int(rng.integers(0, 4)), int(rng.integers(1, 5))
     chain = ENDS[min(first, len(ENDS) - 1 - paths) :][: paths + 1]
     power, speed = 10.0 ** rng.uniform(0.0, 6.0), 10.0 ** rng.uniform(1.0, 2.7)
     motion, load, t = _course(rng)
-    top = {"flow": 10.0 ** rng.uniform(-5, -2), "voltage": 10.0 ** rng.uniform(0.7, 2.8), "speed": speed}
+    top = {
+        "flow": 10.0 ** rng.uniform(-5, -2),
+        "voltage": 10.0 ** rng.uniform(0.7, 2.8),
+        "speed": speed,
+    }
     laws: dict[str, dict[str, float]] = {}
     for into, out in pairwise(chain):
         allowed = [name for name, over in LOSSES.items() if set(over) <= signals_of(into, out)]
         kept = rng.permutation(allowed)[: int(rng.integers(3, 9))].tolist()
-        laws[out] = {name: float(rng.uniform(0.005, 0.025)) for name in kept}  # as shares of the power at the top
+        laws[out] = {
+            name: float(rng.uniform(0.005, 0.025)) for name in kept
+        }  # as shares of the power at the top
         if into == "mech":
             laws[out]["shaft_inertia"] = float(rng.uniform(0.05, 0.2))
     every = [(out, name) for out, own in laws.items() for name in own if name != "shaft_inertia"]
@@ -84,20 +96,28 @@ def drawn(rng: np.random.Generator, hidden: int) -> tuple[dict[str, np.ndarray],
                     lost += number * signals["speed"] * np.gradient(signals["speed"], t)
                 else:
                     size = float(
-                        np.prod([tops.get(s, float(np.max(np.abs(signals[s])))) ** n for s, n in over.items()])
+                        np.prod(
+                            [
+                                tops.get(s, float(np.max(np.abs(signals[s])))) ** n
+                                for s, n in over.items()
+                            ]
+                        )
                     )
                     number = numbers[out].get(name, share * power / size)
                     lost += number * np.prod(
-                        [np.abs(signals[s]) ** n for s, n in over.items()] + [np.ones(t.size)], axis=0
+                        [np.abs(signals[s]) ** n for s, n in over.items()] + [np.ones(t.size)],
+                        axis=0,
                     )
                 numbers[out][name] = float(number)
             outgoing = flowing - lost
-    truth = {f"{name}({chain[chain.index(out) - 1]}-{out})": numbers[out][name] for out, name in chosen}
+    truth = {
+        f"{name}({chain[chain.index(out) - 1]}-{out})": numbers[out][name] for out, name in chosen
+    }
     log = {"time": t}
-    text = f'name = "cascade"\n[cascade]\nstages = {list(chain)!r}\n[phases]\nfrom = "whole"\n'.replace("'", '"')
-    text += (
-        "[thresholds]\nsmoothing = 0.6\nv_onset = 0.01\ngap_max = 5.0\nstroke_min = 0.1\nplateau_hold=0.3\nsettle=0.3\n"
+    text = f'name = "cascade"\n[cascade]\nstages = {list(chain)!r}\n[phases]\nfrom = "whole"\n'.replace(
+        "'", '"'
     )
+    text += "[thresholds]\nsmoothing = 0.6\nv_onset = 0.01\ngap_max = 5.0\nstroke_min = 0.1\nplateau_hold=0.3\nsettle=0.3\n"
     for end in chain:
         if end in ("bus", "cell"):
             text += f'[stage.{end}]\npower = "v_{end} * i_{end}"\n[channels]\nv_{end}.unit = "V"\ni_{end}.unit = "A"\n'
@@ -134,7 +154,9 @@ def _channels_once(text: str) -> str:
 def _course(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Motion and load as shares of their tops, in steps with ramps, and the stamps."""
     count = int(rng.integers(24, 48))
-    corners = np.cumsum(np.ravel([[rng.uniform(1.0, 3.0), rng.uniform(3.0, 8.0)] for _ in range(count)]))
+    corners = np.cumsum(
+        np.ravel([[rng.uniform(1.0, 3.0), rng.uniform(3.0, 8.0)] for _ in range(count)])
+    )
     t = np.arange(0.0, corners[-1], 0.1)
     return (
         np.interp(t, corners, np.repeat(rng.uniform(0.2, 1.0, count), 2)),
@@ -143,7 +165,9 @@ def _course(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarra
     )
 
 
-def _channels(end: str, power: np.ndarray, motion: np.ndarray, top: dict[str, float]) -> dict[str, np.ndarray]:
+def _channels(
+    end: str, power: np.ndarray, motion: np.ndarray, top: dict[str, float]
+) -> dict[str, np.ndarray]:
     effort, flow = CHANNELS[end]
     sizes = {"flow": top["flow"], "speed": top["speed"], "vdc": top["voltage"]}
     x = sizes[flow] * motion if flow in sizes else np.full(motion.size, 2.0 * top["voltage"])
@@ -152,7 +176,9 @@ def _channels(end: str, power: np.ndarray, motion: np.ndarray, top: dict[str, fl
 
 def _signals(end: str, channels: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     effort, flow = channels.values()
-    names = {"hyd": ("pressure", "flow"), "mech": ("torque", "speed")}.get(end, ("current", "voltage"))
+    names = {"hyd": ("pressure", "flow"), "mech": ("torque", "speed")}.get(
+        end, ("current", "voltage")
+    )
     return dict(zip(names, (effort, flow), strict=True))
 
 
@@ -162,22 +188,42 @@ def diagnosed(seed: int, hidden: int) -> tuple[dict[str, Any], Truth]:
     with TemporaryDirectory() as place:
         folder = Path(place)
         header = ",".join("Time (s)" if name == "time" else name for name in log)
-        np.savetxt(folder / "log.csv", np.column_stack(list(log.values())), "%.9g", ",", header=header, comments="")
+        np.savetxt(
+            folder / "log.csv",
+            np.column_stack(list(log.values())),
+            "%.9g",
+            ",",
+            header=header,
+            comments="",
+        )
         (folder / "rig.toml").write_text(text, encoding="utf-8")
-        (folder / "campaign.toml").write_text('rig = "rig.toml"\n[[run]]\nfile = "log.csv"\n', encoding="utf-8")
+        (folder / "campaign.toml").write_text(
+            'rig = "rig.toml"\n[[run]]\nfile = "log.csv"\n', encoding="utf-8"
+        )
         return diagnose_campaign(folder / "campaign.toml"), truth
 
 
 def scored(record: dict[str, Any], truth: Truth) -> dict[str, Any]:
-    """Which hidden laws are named, alone or in their class, which names are false and certain, and which intervals hold."""
+    """Which hidden laws are named, alone or in their class, which names are false and certain,
+    and which intervals hold.
+    """
     causes = {cause["effect"]: cause for cause in record["causes"]}
     same = {name: name for name in truth} | {
         name.partition("(")[0]: name for name in truth
     }  # of one stage alone no stage is named
     own = {same[name]: cause for name, cause in causes.items() if name in same}
     exact = [name for name in truth if name in own]
-    alike = [same[one["effect"]] for cause in causes.values() for one in cause["look_alikes"] if one["effect"] in same]
-    certain = [name for name, one in causes.items() if one["probability"] >= 0.95 and not one["look_alikes"]]
+    alike = [
+        same[one["effect"]]
+        for cause in causes.values()
+        for one in cause["look_alikes"]
+        if one["effect"] in same
+    ]
+    certain = [
+        name
+        for name, one in causes.items()
+        if one["probability"] >= 0.95 and not one["look_alikes"]
+    ]
     numbers = {name: next(iter(own[name]["parameters"].values())) for name in exact}
     return {
         "exact": exact,
@@ -209,7 +255,10 @@ def main() -> None:
         intervals += len(score["inside"])
         empty += hidden == 0
         silent += hidden == 0 and not score["causes"]
-    print(f"named {named} of {wanted} ({exact} alone), false with certainty {false}, intervals {inside} of {intervals}")
+    print(
+        f"named {named} of {wanted} ({exact} alone), false with certainty {false}, intervals "
+        f"{inside} of {intervals}"
+    )
     print(f"nothing hidden: {silent} of {empty} without a cause")
 
 

@@ -1,9 +1,11 @@
-"""Predict, schedule, repair, validate and plan for rigs of the independent twin, and print what held beside the bars.
+"""Predict, schedule, repair, validate and plan for rigs of the independent twin, and print what
+held beside the bars.
 
-Results are lines of JSON in OUT, of a case each; a case that is there already is not done again, so that a trial can be
-interrupted. Kind `rigs` diagnoses a rig with one to three effects on four loads and an open circuit, and compares what is
-predicted, scheduled and validated with the twin. Kind `pairs` diagnoses a rig on one log or four, and
-again with the run that is proposed for two confused effects or with a random one. --score prints the table of what is there.
+Results are lines of JSON in OUT, of a case each; a case that is there already is not done again, so
+that a trial can be interrupted. Kind `rigs` diagnoses a rig with one to three effects on four loads
+and an open circuit, and compares what is predicted, scheduled and validated with the twin. Kind
+`pairs` diagnoses a rig on one log or four, and again with the run that is proposed for two confused
+effects or with a random one. --score prints the table of what is there.
 """
 
 from __future__ import annotations
@@ -80,7 +82,9 @@ NUMBERS = {
 
 
 class Row(msgspec.Struct, frozen=True):
-    """One comparison, whether it holds, its error in standard uncertainties (regret in %, a plan its separation), and where."""
+    """One comparison, whether it holds, its error in standard uncertainties (regret in %, a plan
+    its separation), and where.
+    """
 
     of: str
     holds: bool
@@ -108,18 +112,27 @@ BARS = {
 
 
 def interval(of: str, true: float, band: Band, resolved: float, *where: float | str) -> Row:
-    """Whether a true value lies in a 95 % interval; `resolved` is the standard uncertainty of the true value."""
+    """Whether a true value lies in a 95 % interval; `resolved` is the standard uncertainty of
+    the true value.
+    """
     error = true - band.value
     low, high = (math.hypot(end - band.value, COVERED * resolved) for end in (band.low, band.high))
     u = (high if error > 0.0 else low) / COVERED
-    return Row(of, -low <= error <= high, error / u if u else 0.0, (*where, true, band.value, band.low, band.high))
+    return Row(
+        of,
+        -low <= error <= high,
+        error / u if u else 0.0,
+        (*where, true, band.value, band.low, band.high),
+    )
 
 
-# ------------------------------------------------------------------------------------------------------------------- twin
+# ------------------------------------------------------------------------------------------- twin
 def diagnosed(
     twin: Twin, rng: np.random.Generator, logs: Sequence[str], extra: Sequence[Run], folder: Path
 ) -> tuple[ModelDiagnosis, list[Solved]]:
-    """Make and diagnose a campaign of drawn logs and of further runs, each at the load and in the motion of one."""
+    """Make and diagnose a campaign of drawn logs and of further runs, each at the load and in
+    the motion of one.
+    """
     at, stated = {load: log for log, load in STATED_LOADS.items()}, dict(STATED_LOADS)
     motions = [(log, draw_motion(log, rng)) for log in logs]
     for run in extra:
@@ -140,7 +153,9 @@ def diagnosed(
 
 
 def on_grid(t: Signal, v: Signal) -> tuple[Signal, Signal]:
-    """Payout and velocity of a motion on the grid of the twin, by the monotone cubic that a motion is laid on. [m, m/s]"""
+    """Payout and velocity of a motion on the grid of the twin, by the monotone cubic that a
+    motion is laid on. [m, m/s]
+    """
     fine = PchipInterpolator(t, v)(np.arange(0.0, t[-1], GRID))
     return np.concatenate([[0.0], np.cumsum(0.5 * GRID * (fine[1:] + fine[:-1]))]), fine
 
@@ -149,25 +164,36 @@ def without(twin: Twin, names: Collection[str]) -> Twin:
     """A twin without some of its effects."""
     effects = {name: value for name, value in twin.hidden.effects.items() if name not in names}
     laws = {} if "ke_rolloff" in names else twin.hidden.laws
-    return msgspec.structs.replace(twin, hidden=msgspec.structs.replace(twin.hidden, effects=effects, laws=laws))
+    return msgspec.structs.replace(
+        twin, hidden=msgspec.structs.replace(twin.hidden, effects=effects, laws=laws)
+    )
 
 
 def truth(twin: Twin, motion: Motion, load: float, rules: Thresholds) -> dict[str, float]:
-    """Power and efficiency of a twin over the payout of a reduction, and its energies over the motion, at a true load."""
+    """Power and efficiency of a twin over the payout of a reduction, and its energies over the
+    motion, at a true load.
+    """
     at_load = msgspec.structs.replace(without(twin, OF_SENSORS), loads={"here": load})
     solved = solve_twin(at_load, "here", *on_grid(motion.t, motion.v), 0.0)
     speed: Signal = np.asarray(0.5 * (solved.v[1:] + solved.v[:-1]), dtype=np.float64)
-    rates = np.array([solved.channels["force"] * speed, solved.channels["vdc"] * solved.channels["idc"]])
+    rates = np.array(
+        [solved.channels["force"] * speed, solved.channels["vdc"] * solved.channels["idc"]]
+    )
     t: Signal = np.linspace(0.5 * GRID, (speed.size - 0.5) * GRID, speed.size)
     run = Run("motion", t, {"velocity": speed}, 1.0 / GRID, speed.size)
     (cycle,) = find_phases(run, Rig("motion", thresholds=rules), "payout").cycles
     inside = (t > cycle.onset) & (t < cycle.payout_end)
     line, electrical = rates[:, inside].mean(axis=1).tolist()
     e_line, e_gen = (rates.sum(axis=1) * GRID).tolist()
-    return {"p_gen_w": electrical, "eta_pto": electrical / line, "e_gen_j": e_gen, "e_line_j": e_line}
+    return {
+        "p_gen_w": electrical,
+        "eta_pto": electrical / line,
+        "e_gen_j": e_gen,
+        "e_line_j": e_line,
+    }
 
 
-# ------------------------------------------------------------------------------------------------------------------- rigs
+# ------------------------------------------------------------------------------------------- rigs
 def rig_case(k: int, folder: Path) -> Result:
     """Diagnose a rig, and compare all that a design and a validation state with the twin."""
     rng = np.random.default_rng([SEED, k])
@@ -177,7 +203,11 @@ def rig_case(k: int, folder: Path) -> Result:
     posterior, tested = posterior_of_rig(found), tested_by(found)
     assert tested is not None
     made = design(posterior, tested)
-    rows = [*predictions(twin, CorrectedRig(posterior, tested)), *regrets(twin, made), *repairs(twin, made)]
+    rows = [
+        *predictions(twin, CorrectedRig(posterior, tested)),
+        *regrets(twin, made),
+        *repairs(twin, made),
+    ]
     rows += [] if STATED & set(names) else model_errors(twin, found, solved, folder)
     return Result("rigs", k, names, [cause.effect for cause in found.causes], rows)
 
@@ -198,7 +228,9 @@ def predictions(twin: Twin, rig: CorrectedRig) -> Iterator[Row]:
             true = truth(twin, motion, load, rig.tested.rules)
             for name in METRIC.values():
                 of, k = f"{name} {'in its band' if inside else 'beyond the domain'}", PLACE[name]
-                yield interval(of, true[name], Band(*bands[:, i, j, k].tolist()), 0.0, load, motion.speed)
+                yield interval(
+                    of, true[name], Band(*bands[:, i, j, k].tolist()), 0.0, load, motion.speed
+                )
 
 
 def regrets(twin: Twin, made: Design) -> Iterator[Row]:
@@ -215,11 +247,18 @@ def regrets(twin: Twin, made: Design) -> Iterator[Row]:
                     truth(twin, out, one.load, made.tested.rules)[metric],
                 )
                 regret = max(1.0 - here / best, 0.0)
-                yield Row(f"regret of {one.criterion} under 1 %", regret < 0.01, 100.0 * regret, (speed, one.load))
+                yield Row(
+                    f"regret of {one.criterion} under 1 %",
+                    regret < 0.01,
+                    100.0 * regret,
+                    (speed, one.load),
+                )
 
 
 def repairs(twin: Twin, made: Design) -> Iterator[Row]:
-    """Energy that each repair brings in a cycle; that of an effect that is not injected brings nothing."""
+    """Energy that each repair brings in a cycle; that of an effect that is not injected brings
+    nothing.
+    """
     cycle = planned_cycle(max(row.speed for row in made.rows), made.tested.length, made.tested.ramp)
     rules, load = made.tested.rules, made.repaired_at
     acting = truth(twin, cycle, load, rules)
@@ -231,7 +270,9 @@ def repairs(twin: Twin, made: Design) -> Iterator[Row]:
             yield interval(of, worth, band, RESOLVED * acting[metric], one.effect, metric)
 
 
-def model_errors(twin: Twin, found: ModelDiagnosis, solved: Sequence[Solved], folder: Path) -> Iterator[Row]:
+def model_errors(
+    twin: Twin, found: ModelDiagnosis, solved: Sequence[Solved], folder: Path
+) -> Iterator[Row]:
     """Error of the model of the rig file at true inputs, by run and metric."""
     model, true = found.data.nominal.physics, []
     for part, numbers in NUMBERS.items():
@@ -240,20 +281,31 @@ def model_errors(twin: Twin, found: ModelDiagnosis, solved: Sequence[Solved], fo
     exact = msgspec.structs.replace(without(twin, OF_SENSORS), gains=dict.fromkeys(SENSORS, 1.0))
     for k, (log, one) in enumerate(zip(FITTED, solved, strict=True)):
         write_log(folder / "exact.csv", noise_free(exact, one))
-        run, window = read_run(folder / "exact.csv", load=found.data.logs[k].run.load), windowed(found.data, k)
-        link = {"load_change": twin.loads[log] / STATED_LOADS[log] - 1.0} if k else {"r_bleed": twin.loads[log]}
+        run, window = (
+            read_run(folder / "exact.csv", load=found.data.logs[k].run.load),
+            windowed(found.data, k),
+        )
+        link = (
+            {"load_change": twin.loads[log] / STATED_LOADS[log] - 1.0}
+            if k
+            else {"r_bleed": twin.loads[log]}
+        )
         at_load = msgspec.structs.replace(model, dc_link=model.dc_link._replace(**link))
         runs = (simulate(run, at_load).run, run)
-        true.append(np.subtract(*(quantities_of(each, window.rig, window.windows) for each in runs)))
+        true.append(
+            np.subtract(*(quantities_of(each, window.rig, window.windows) for each in runs))
+        )
     for row in found.validation:
         error = float(true[row.log][QUANTITIES.index(row.quantity)])
         before = Band(row.before.error, row.before.low, row.before.high)
         yield interval("model error", error, before, 0.0, FITTED[row.log], row.quantity)
 
 
-# ------------------------------------------------------------------------------------------------------------------ pairs
+# ------------------------------------------------------------------------------------------ pairs
 def pair_case(k: int, folder: Path) -> Result:
-    """Diagnose a rig, and again with the run that the diagnosis proposes and with a random one where it lists a pair."""
+    """Diagnose a rig, and again with the run that the diagnosis proposes and with a random one
+    where it lists a pair.
+    """
     rng = np.random.default_rng([SEED + 1, k])
     name = str(rng.choice(sorted(set(PARTS) - OF_SENSORS)))
     twin = draw_twin(draw_hidden({name: STRENGTHS[k % 2]}, None, rng), rng)
@@ -266,9 +318,14 @@ def pair_case(k: int, folder: Path) -> Result:
         assert options is not None
         time, (_, others) = after(found).setting.time, options
         random = others[int(rng.integers(len(others)))]
-        for of, load, speed in (("proposed run", run.load, run.speed), ("random run", random.load, random.speed)):
+        for of, load, speed in (
+            ("proposed run", run.load, run.speed),
+            ("random run", random.load, random.speed),
+        ):
             rng.bit_generator.state = state  # the same logs again
-            again, _ = diagnosed(twin, rng, logs, [planned(load, speed, run.length, time, 1.0 / GRID)], folder)
+            again, _ = diagnosed(
+                twin, rng, logs, [planned(load, speed, run.length, time, 1.0 / GRID)], folder
+            )
             clear = "" if run.expected_z > CLEAR else ", not clear"
             rows.append(
                 Row(
@@ -282,7 +339,14 @@ def pair_case(k: int, folder: Path) -> Result:
                 promised = determine(after(found, [load], [speed]), "eta_pto", SMALL, 1)
                 left = determine(after(again, [load], [speed]), "eta_pto", SMALL, 1).before
                 error = promised.expected[0] / left - 1.0
-                rows.append(Row("promised u within 10 %", abs(error) <= PROMISED, error, (promised.before, left)))
+                rows.append(
+                    Row(
+                        "promised u within 10 %",
+                        abs(error) <= PROMISED,
+                        error,
+                        (promised.before, left),
+                    )
+                )
     return Result("pairs", k, [name], [cause.effect for cause in found.causes], rows)
 
 
@@ -291,21 +355,32 @@ SMALL, PROMISED = 1e-9, 0.1
 
 
 def is_apart(found: ModelDiagnosis, pair: tuple[str, str], true: str) -> bool:
-    """Whether one effect of a pair is named, the true one if it is of the pair, and the other does not explain the logs too."""
-    named = {cause.effect: {one.effect for one in cause.look_alikes} for cause in found.causes if cause.effect in pair}
+    """Whether one effect of a pair is named, the true one if it is of the pair, and the other
+    does not explain the logs too.
+    """
+    named = {
+        cause.effect: {one.effect for one in cause.look_alikes}
+        for cause in found.causes
+        if cause.effect in pair
+    }
     right = len(named) == 1 and (true in named or true not in pair)
     return right and not any(set(pair) & alike for alike in named.values())
 
 
-# ----------------------------------------------------------------------------------------------------------------- scores
+# ----------------------------------------------------------------------------------------- scores
 def score(results: Sequence[Result]) -> None:
     """Print what held beside the bars, with the numbers of comparisons and of rigs."""
     for of, bar in BARS.items():
         rows = [(one.case, row) for one in results for row in one.rows if row.of == of]
         if rows:
-            share, rms = (np.mean([(row.holds, row.z**2) for _, row in rows], axis=0) ** (1.0, 0.5)).tolist()
+            share, rms = (
+                np.mean([(row.holds, row.z**2) for _, row in rows], axis=0) ** (1.0, 0.5)
+            ).tolist()
             cases = len({case for case, _ in rows})
-            print(f"{of:32} {100.0 * share:5.1f} % of {len(rows):4} in {cases:2} cases  {bar:10}  rms {rms:.2f}")
+            print(
+                f"{of:32} {100.0 * share:5.1f} % of {len(rows):4} in {cases:2} cases  {bar:10}  "
+                f"rms {rms:.2f}"
+            )
 
 
 def main() -> None:

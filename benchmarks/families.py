@@ -1,4 +1,6 @@
-"""Families of trials as a table: seed, number of cases, what plans them, and bars, none to be reached by a choice of seeds."""
+"""Families of trials as a table: seed, number of cases, what plans them, and bars, none to be
+reached by a choice of seeds.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ from winchcascade.blind.truth import Truth, Verdict, truth_by_effects
 from winchcascade.blind.twin_numbers import LOADS, Logger
 
 BLOCK = 60
-"""Number of cases over which settings and effects are balanced; a case is the same however many are run."""
+"""Number of cases over which settings and effects are balanced; a case is the same however many
+are run.
+"""
 
 RATES = (5.0, 10.0, 25.0, 50.0, 100.0, 200.0)
 """Sampling rates of the loggers. [Hz]"""
@@ -27,14 +31,18 @@ NOISES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 """Factors on the noise of sensors and tether. [1]"""
 
 REPEATS = (1,) * 44 + (2,) * 8 + (3,) * 4 + (5,) * 2 + (10, 20)
-"""Repeats of the seven loads in the cases of a block: few campaigns with many, as these cost most."""
+"""Repeats of the seven loads in the cases of a block: few campaigns with many, as these cost
+most.
+"""
 
 Plans = list[Case]
 replace = msgspec.structs.replace
 
 
 def case(kind: str = "", **fields: Any) -> Case:
-    """A case with the answers that are expected of its kind; `plan_case` sets its family, number and seed."""
+    """A case with the answers that are expected of its kind; `plan_case` sets its family, number
+    and seed.
+    """
     return Case("", 0, kind=kind, truth=EXPECTED.get(kind), **fields)
 
 
@@ -53,7 +61,9 @@ def _signed(rng: np.random.Generator, low: float, high: float) -> float:
 
 
 def _shuffled(rng: np.random.Generator) -> tuple[str, ...]:
-    """An order of the loads in which their rank correlation with the order of the runs is below a half."""
+    """An order of the loads in which their rank correlation with the order of the runs is below
+    a half.
+    """
     logs, places = tuple(LOADS), np.arange(len(LOADS))
     while True:
         drawn = rng.permutation(len(logs))
@@ -64,21 +74,30 @@ def _shuffled(rng: np.random.Generator) -> tuple[str, ...]:
 def _drawn(rng: np.random.Generator, *names: str) -> dict[str, float]:
     """Draw further physics; a diode that is dead is one of three."""
     values = {name: rng.uniform(*PHYSICS[name]) for name in names}
-    return {name: float(round(value)) if name == "dead_diode" else value for name, value in values.items()}
+    return {
+        name: float(round(value)) if name == "dead_diode" else value
+        for name, value in values.items()
+    }
 
 
 def nothing(rng: np.random.Generator) -> Plans:
     """Plan campaigns with nothing injected, at all rates, noises and repeats."""
-    rates, noises = (np.resize(values, BLOCK)[rng.permutation(BLOCK)].tolist() for values in (RATES, NOISES))
+    rates, noises = (
+        np.resize(values, BLOCK)[rng.permutation(BLOCK)].tolist() for values in (RATES, NOISES)
+    )
     repeats = [REPEATS[k] for k in rng.permutation(BLOCK)]
     settings = zip(rates, noises, repeats, strict=True)
-    return [case(logger=Logger(1.0 / rate, noise), repeats=count) for rate, noise, count in settings]
+    return [
+        case(logger=Logger(1.0 / rate, noise), repeats=count) for rate, noise, count in settings
+    ]
 
 
 def single(rng: np.random.Generator) -> Plans:
     """Plan campaigns with one effect at full strength, in the same settings."""
     names = _in_turn(rng)
-    return [replace(plan, effects={name: 1.0}) for plan, name in zip(nothing(rng), names, strict=True)]
+    return [
+        replace(plan, effects={name: 1.0}) for plan, name in zip(nothing(rng), names, strict=True)
+    ]
 
 
 def usual_single(rng: np.random.Generator) -> Plans:
@@ -91,7 +110,9 @@ TOGETHER = 3
 
 
 def several(rng: np.random.Generator) -> Plans:
-    """Plan campaigns of the usual logger with several effects of different stages at strengths about 1."""
+    """Plan campaigns of the usual logger with several effects of different stages at strengths
+    about 1.
+    """
     stages = sorted({part.stage for part in INJECTED.values()})
     plans = []
     for _ in range(BLOCK):
@@ -115,10 +136,14 @@ CONVENTIONS = (
 
 
 def wrong(rng: np.random.Generator) -> Plans:
-    """Plan campaigns with one wrong entry: drum radius, gear ratio, load of one run, and conventions, as many of each."""
+    """Plan campaigns with one wrong entry: drum radius, gear ratio, load of one run, and
+    conventions, as many of each.
+    """
     entries = []
     for k in range(BLOCK // 4):
-        entries.append(WrongEntry("drum_radius", round(1.0 + _signed(rng, 0.03, 0.10), 4), shared=k % 3 == 0))
+        entries.append(
+            WrongEntry("drum_radius", round(1.0 + _signed(rng, 0.03, 0.10), 4), shared=k % 3 == 0)
+        )
         entries.append(WrongEntry("gear_ratio", round(1.0 + _signed(rng, 0.02, 0.10), 4)))
         factor = round(1.0 + _signed(rng, 0.10, 0.60), 4)
         entries.append(WrongEntry("load_entry", factor, log=str(rng.choice(LOADED))))
@@ -128,7 +153,9 @@ def wrong(rng: np.random.Generator) -> Plans:
 
 
 def simulated(rng: np.random.Generator) -> Plans:
-    """Plan campaigns with the owner's own simulation and one effect; in one of ten nothing is injected."""
+    """Plan campaigns with the owner's own simulation and one effect; in one of ten nothing is
+    injected.
+    """
     same, averaged, without = SIMULATORS
     turn = (same, averaged, same, without)
     return [
@@ -143,7 +170,9 @@ def simulated(rng: np.random.Generator) -> Plans:
 
 
 BIASED = ("k_e", "b_rotor", "mu", "eta_mesh")
-"""Numbers that a calibration gives, and that are wrong in `biased`, by two to four of their uncertainties."""
+"""Numbers that a calibration gives, and that are wrong in `biased`, by two to four of their
+uncertainties.
+"""
 
 
 def wide(rng: np.random.Generator) -> Plans:
@@ -153,7 +182,10 @@ def wide(rng: np.random.Generator) -> Plans:
 
 def biased(rng: np.random.Generator) -> Plans:
     """Plan single effects on rigs whose file was calibrated with a bias."""
-    return [replace(plan, bias={name: _signed(rng, 2.0, 4.0) for name in BIASED}) for plan in usual_single(rng)]
+    return [
+        replace(plan, bias={name: _signed(rng, 2.0, 4.0) for name in BIASED})
+        for plan in usual_single(rng)
+    ]
 
 
 def calibrated(rng: np.random.Generator) -> Plans:
@@ -177,12 +209,20 @@ def warming(rng: np.random.Generator) -> Plans:
 
 
 def _warm(what: str, rng: np.random.Generator) -> History:
-    """Draw a machine that warms: copper by 8 to 115 K, magnets by a quarter to all of it, of -0.02 to -0.2 %/K."""
+    """Draw a machine that warms: copper by 8 to 115 K, magnets by a quarter to all of it, of
+    -0.02 to -0.2 %/K.
+    """
     magnets = what == "magnets"
-    heat: Literal["constant", "load"] = "load" if what == "load" or (magnets and rng.random() < 0.5) else "constant"
+    heat: Literal["constant", "load"] = (
+        "load" if what == "load" or (magnets and rng.random() < 0.5) else "constant"
+    )
     time_constant, instant = rng.uniform(0.5, 8.0), 0.5 if heat == "load" else 0.0
     while True:
-        fall, rise, share = rng.uniform(0.008, 0.04), rng.uniform(0.03, 0.45), rng.uniform(0.25, 1.0)
+        fall, rise, share = (
+            rng.uniform(0.008, 0.04),
+            rng.uniform(0.03, 0.45),
+            rng.uniform(0.25, 1.0),
+        )
         if 2e-4 <= fall / (share * rise / COPPER) <= 2e-3:
             return History(heat, time_constant, instant, fall, 0.0 if magnets else rise)
 
@@ -219,7 +259,9 @@ PHYSICS_OF: dict[str, tuple[tuple[str, ...], ...]] = {
     "drift": (("torque_zero",), ("torque_gain",), ("force_zero",), ("vdc_gain",)),
     "overrunning clutch": (("overrunning_drag",),),
 }
-"""Kinds of `other_physics` in turn, each with what is drawn for it, in turn; a drift by channel and kind of error."""
+"""Kinds of `other_physics` in turn, each with what is drawn for it, in turn; a drift by channel
+and kind of error.
+"""
 
 DRIFTS = {
     "torque_zero": (1.0, 5.0), "torque_gain": (0.005, 0.02), "force_zero": (10.0, 40.0), "vdc_gain": (0.005, 0.02),
@@ -250,7 +292,9 @@ MODULES = ("gas_screw", "spring", "gas_screw", "counterweight", "gas_screw", "no
 """Restoring modules of drawn rigs, in turn."""
 
 ACTING = (0.97, 1.4)
-"""Strengths of effects on drawn rigs: with the scatter of a size 0.9 to 1.5 times a share that matters. [1]"""
+"""Strengths of effects on drawn rigs: with the scatter of a size 0.9 to 1.5 times a share that
+matters. [1]
+"""
 
 
 def _machines(rng: np.random.Generator) -> list[Machine]:
@@ -263,7 +307,9 @@ def _strength(rng: np.random.Generator) -> float:
 
 
 def machines(rng: np.random.Generator) -> Plans:
-    """Plan one effect on rigs of all sizes; each rig takes the first effect left that acts on a part that it has."""
+    """Plan one effect on rigs of all sizes; each rig takes the first effect left that acts on a
+    part that it has.
+    """
     drawn, plans = _machines(rng), []
     names = [*_in_turn(rng), *_in_turn(rng)]
     for machine in drawn:
@@ -296,7 +342,9 @@ def _on(machine: Machine) -> dict[str, Any]:
 
 
 def undetermined(rng: np.random.Generator) -> Plans:
-    """Plan rigs of all sizes with a gear, whose file states a gear ratio or a back-EMF constant that is wrong."""
+    """Plan rigs of all sizes with a gear, whose file states a gear ratio or a back-EMF constant
+    that is wrong.
+    """
     plans = []
     for k, machine in enumerate(_machines(rng)):
         while machine.direct:
@@ -307,8 +355,12 @@ def undetermined(rng: np.random.Generator) -> Plans:
     return plans
 
 
-def _expected(honest: str, group: Sequence[str], *, sure: Sequence[str] | None = None, alone: bool = False) -> Truth:
-    """Expected answers of a kind: a group that one cause must declare, and what may be certain, by default its first."""
+def _expected(
+    honest: str, group: Sequence[str], *, sure: Sequence[str] | None = None, alone: bool = False
+) -> Truth:
+    """Expected answers of a kind: a group that one cause must declare, and what may be certain,
+    by default its first.
+    """
     certain = tuple(group[:1] if sure is None else sure)
     return Truth(honest=honest, named=(tuple(group),), may_be_certain=certain, alone=alone)
 
@@ -318,9 +370,13 @@ def _drift(honest: str, *excused_by: Literal["unexplained", "partly_explained"])
     return Truth(honest=honest, verdicts=open_gap, excused_by=excused_by)
 
 
-_ORDERED = "heating, or heating and ke_rolloff as declared alternatives; never ke_rolloff with certainty"
+_ORDERED = (
+    "heating, or heating and ke_rolloff as declared alternatives; never ke_rolloff with certainty"
+)
 _SHUFFLED = "heating alone: the order is not that of the loads"
-_RESISTANCE = "a series resistance: copper_heating or diode_drop, each with the other as alternative"
+_RESISTANCE = (
+    "a series resistance: copper_heating or diode_drop, each with the other as alternative"
+)
 _ROPE = "load_proportional_loss or force_gain, each with the other as alternative"
 _EITHER = "gear_ratio or ke_shift, each with the other as alternative: only their product is known"
 _HEAT, _MAGNETS = ("heating", "copper_heating", "ke_shift"), ("heating", "ke_shift")
@@ -365,7 +421,9 @@ class Figure(StrEnum):
 
 
 class Bar(NamedTuple):
-    """A bar: the shares between which it is reached, the minimum number of cases that decide, and the kinds that count."""
+    """A bar: the shares between which it is reached, the minimum number of cases that decide,
+    and the kinds that count.
+    """
 
     low: float
     minimum: int
@@ -381,7 +439,9 @@ class Bar(NamedTuple):
 
 
 class Family(NamedTuple):
-    """A family of trials: its seed, its number of cases, what plans a block of them, and its figures with their bars."""
+    """A family of trials: its seed, its number of cases, what plans a block of them, and its
+    figures with their bars.
+    """
 
     seed: int
     cases: int
@@ -422,7 +482,9 @@ FAMILIES = {
     "thresholds": Family(18_020, 80, nothing, (
         (Figure.NAMED, Bar(0.9, 40, kinds=(ABOVE,))), (Figure.NAMED, Bar(0.0, 40, 0.5, (BELOW,))))),
 }  # fmt: skip
-"""Families by name; the cases of `thresholds` follow from what diagnoses of its first campaigns, without an effect, state."""
+"""Families by name; the cases of `thresholds` follow from what diagnoses of its first campaigns,
+without an effect, state.
+"""
 
 ALL_COVERED = Bar(0.93, 600, 0.97)
 """Bar of the two-sided intervals of all families together."""
@@ -441,14 +503,18 @@ BASED = 20
 
 
 def threshold_case(number: int, stated: dict[str, float]) -> Case:
-    """Plan a case of `thresholds`: one effect of 1.2 (odd numbers) or 0.6 times the size from which it would be named.
+    """Plan a case of `thresholds`: one effect of 1.2 (odd numbers) or 0.6 times the size from which
+    it would be named.
 
     Parameters
     ----------
-    stated : by effect, the value of its reported parameter from which the diagnosis of a campaign without it would name it
+    stated : by effect, the value of its reported parameter from which the diagnosis of a campaign
+        without it would name it
     """
     seed, above = FAMILIES["thresholds"].seed, number % 2 == 1
-    names = np.random.default_rng([seed, 1]).permutation([name for name in INJECTED if name in stated])
+    names = np.random.default_rng([seed, 1]).permutation(
+        [name for name in INJECTED if name in stated]
+    )
     name = str(names[(number - 1) // 2 % len(names)])
     absent = 1.0 if name in ("ke_rolloff", "gas_polytropic") else 0.0
     value = absent + (1.2 if above else 0.6) * (stated[name] - absent)

@@ -23,7 +23,14 @@ GROUPS = (
     ("torque", "force", "vdc", "idc"),
 )  # fmt: skip
 RATES = (5.0, 10.0, 25.0, 50.0, 100.0, 200.0)
-NOISE = {"velocity": 0.003, "force": 5.0, "torque": 0.4, "vdc": 0.26, "idc": 0.015, "pressure": 981.0}
+NOISE = {
+    "velocity": 0.003,
+    "force": 5.0,
+    "torque": 0.4,
+    "vdc": 0.26,
+    "idc": 0.015,
+    "pressure": 981.0,
+}
 """Standard deviation of each channel at rest in the shipped logs. [SI]"""
 
 METRICS = ("energy_line", "energy_mech", "energy_gen", "eta_trans", "eta_gen", "eta_pto")
@@ -60,7 +67,9 @@ def beyond(true: Reduction, found: Reduction) -> dict[str, float]:
 
 def main() -> None:
     """Run the trials."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--cases", type=int, default=400)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--clean", action="store_true")
@@ -70,8 +79,16 @@ def main() -> None:
     counts = {"found": 0, "within": 0, "silent": 0}
     for k in range(given.cases):
         rng = np.random.default_rng([given.seed, k])
-        run, rate, group = runs[k % len(runs)], RATES[rng.integers(len(RATES))], GROUPS[rng.integers(len(GROUPS))]
-        lag = 0.0 if given.clean else float(rng.choice([-1.0, 1.0]) * np.exp(rng.uniform(np.log(0.06), np.log(0.8))))
+        run, rate, group = (
+            runs[k % len(runs)],
+            RATES[rng.integers(len(RATES))],
+            GROUPS[rng.integers(len(GROUPS))],
+        )
+        lag = (
+            0.0
+            if given.clean
+            else float(rng.choice([-1.0, 1.0]) * np.exp(rng.uniform(np.log(0.06), np.log(0.8))))
+        )
         fixed = np.random.default_rng([given.seed, k, 1]), np.random.default_rng([given.seed, k, 1])
         true = reduce(resampled(run, rate, {}, fixed[0]))
         found = reduce(resampled(run, rate, dict.fromkeys(group, lag), fixed[1]))

@@ -1,7 +1,9 @@
-"""Write logs for timing, of the rows of the shipped campaign: one long log, or a campaign of many short ones.
+"""Write logs for timing, of the rows of the shipped campaign: one long log, or a campaign of many
+short ones.
 
-python benchmarks/make_logs.py OUT.csv --rows 14000000     155 hours, about 0.8 GB; only the stamps differ between repetitions
-python benchmarks/make_logs.py FOLDER --logs 1000          each log with noise of its own
+python benchmarks/make_logs.py OUT.csv --rows 14000000     155 hours, about 0.8 GB; only the stamps
+differ between repetitions python benchmarks/make_logs.py FOLDER --logs 1000          each log with
+noise of its own
 """
 
 from __future__ import annotations
@@ -32,19 +34,33 @@ def blocks(rows: int) -> Iterator[str]:
 def write_campaign(folder: Path, logs: int) -> None:
     """Write short logs and their campaign.toml."""
     folder.mkdir(parents=True, exist_ok=True)
-    header, table = LOG.read_text(encoding="utf-8").splitlines()[0], np.loadtxt(LOG, delimiter=",", skiprows=1)[:ROWS]
+    header, table = (
+        LOG.read_text(encoding="utf-8").splitlines()[0],
+        np.loadtxt(LOG, delimiter=",", skiprows=1)[:ROWS],
+    )
     runs = []
     for k in range(logs):
         noisy = table + np.random.default_rng(k).normal(0.0, NOISE, table.shape)
         name = f"run_{k:05d}.csv"
-        np.savetxt(folder / name, noisy, fmt=["%.2f"] + ["%.5g"] * 7, delimiter=",", header=header, comments="")
+        np.savetxt(
+            folder / name,
+            noisy,
+            fmt=["%.2f"] + ["%.5g"] * 7,
+            delimiter=",",
+            header=header,
+            comments="",
+        )
         runs.append(f'[[run]]\nfile = "{name}"\nload_ohm = 36.0\n')
-    (folder / "campaign.toml").write_text(f'title = "{logs} logs"\n\n' + "\n".join(runs), encoding="utf-8")
+    (folder / "campaign.toml").write_text(
+        f'title = "{logs} logs"\n\n' + "\n".join(runs), encoding="utf-8"
+    )
 
 
 def main() -> None:
     """Write what is asked for."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("out", type=Path)
     parser.add_argument("--rows", type=int, help="of one long log")
     parser.add_argument("--logs", type=int, help="number of short logs")

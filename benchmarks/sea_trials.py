@@ -1,8 +1,10 @@
-"""Put rigs of the independent twin under drawn seas, and print how many bands of `sea` hold beside the bars.
+"""Put rigs of the independent twin under drawn seas, and print how many bands of `sea` hold beside
+the bars.
 
-Each case diagnoses a rig with one to three effects on four loads and an open circuit of a crane, draws a sea, and compares mean
-power, efficiency, peaks and the gain of the best fixed load with the twin in the same waves. Results are lines of JSON in OUT;
-a case that is there already is not done again. --score prints the table of what is there.
+Each case diagnoses a rig with one to three effects on four loads and an open circuit of a crane,
+draws a sea, and compares mean power, efficiency, peaks and the gain of the best fixed load with the
+twin in the same waves. Results are lines of JSON in OUT; a case that is there already is not done
+again. --score prints the table of what is there.
 """
 
 from __future__ import annotations
@@ -32,7 +34,9 @@ MINUTES = 2.0
 """Length of each sea: the twin takes long. [min]"""
 
 PERIODS, SPEEDS = (4.0, 12.0), (0.12, 0.26)
-"""Ranges of peak periods [s], and of the standard deviation of the line velocity [m/s], so that peaks stay in the domain."""
+"""Ranges of peak periods [s], and of the standard deviation of the line velocity [m/s], so that
+peaks stay in the domain.
+"""
 
 PAID_OUT = 30.0
 """Time in which the line is paid out before the waves come. [s]"""
@@ -54,23 +58,47 @@ def sea_case(k: int, folder: Path) -> Result:
     found, _ = diagnosed(twin, rng, FITTED, (), folder)
     posterior, tested = posterior_of_rig(found), tested_by(found)
     assert tested is not None
-    tp, load = float(rng.uniform(*PERIODS)), float(np.exp(rng.uniform(*np.log([min(tested.loads), max(tested.loads)]))))
+    tp, load = (
+        float(rng.uniform(*PERIODS)),
+        float(np.exp(rng.uniform(*np.log([min(tested.loads), max(tested.loads)])))),
+    )
     unit = realised(SeaState(1.0, tp), 60.0 * MINUTES, k)
-    per_height = float(np.linalg.norm(2.0 * math.pi * unit.frequency * unit.amplitude)) / math.sqrt(2.0)
+    per_height = float(np.linalg.norm(2.0 * math.pi * unit.frequency * unit.amplitude)) / math.sqrt(
+        2.0
+    )
     sea = SeaState(float(rng.uniform(*SPEEDS)) / per_height, tp)
     seas = Seas((sea,), (math.nan,), minutes=MINUTES, seed=k)
     made = sea_study(posterior, tested, seas, load=load, compare=True)
     (row,) = made.rows
-    true, best = (in_waves(twin, realised(sea, 60.0 * MINUTES, k), tp, made.payout, at) for at in (load, row.best_load))
+    true, best = (
+        in_waves(twin, realised(sea, 60.0 * MINUTES, k), tp, made.payout, at)
+        for at in (load, row.best_load)
+    )
     inside = row.outside <= INSIDE
     rows = []
     for name in ("p_gen_w", "p_line_w", "eta_pto", "force_n", "i_dc_rms_a", "vdc_v"):
         kind = "peaks" if name in ("force_n", "i_dc_rms_a", "vdc_v") else name
-        rows.append(interval(kind if inside else "beyond the domain", true[name], row.values[name], 0.0, name, load))
+        rows.append(
+            interval(
+                kind if inside else "beyond the domain",
+                true[name],
+                row.values[name],
+                0.0,
+                name,
+                load,
+            )
+        )
     gain = best["p_gen_w"] / true["p_gen_w"] - 1.0
     covered = inside and row.beyond["best"] <= INSIDE
     rows.append(
-        interval("gain" if covered else "gain beyond", gain, row.gain["best_over_fixed"], 0.0, row.best_load, load)
+        interval(
+            "gain" if covered else "gain beyond",
+            gain,
+            row.gain["best_over_fixed"],
+            0.0,
+            row.best_load,
+            load,
+        )
     )
     where = (sea.hs, tp, row.outside)
     rows = [msgspec.structs.replace(one, where=(*one.where, *where)) for one in rows]
@@ -83,20 +111,26 @@ def in_waves(twin: Twin, waves: Waves, tp: float, payout: float, load: float) ->
     omega = 2.0 * math.pi * waves.frequency
     x, v = (waves.sampled((1j * omega) ** k * waves.amplitude, count) for k in range(2))
     x, v = (np.concatenate([one[count - lead :], one]) for one in (payout + x, v))
-    way = CubicHermiteSpline([0.0, PAID_OUT], [0.0, x[0]], [0.0, v[0]])  # the twin has its precharge where it begins
+    way = CubicHermiteSpline(
+        [0.0, PAID_OUT], [0.0, x[0]], [0.0, v[0]]
+    )  # the twin has its precharge where it begins
     before = np.arange(0.0, PAID_OUT, GRID)
     x, v, lead = np.append(way(before), x), np.append(way(before, 1), v), lead + before.size
     at_load = msgspec.structs.replace(without(twin, OF_SENSORS), loads={"here": load})
     solved = solve_twin(at_load, "here", x, v, 0.0)
     speed = np.asarray(0.5 * (solved.v[1:] + solved.v[:-1]), dtype=np.float64)[lead:]
-    force, vdc, idc, omega_gen = (solved.channels[name][lead:] for name in ("force", "vdc", "idc", "omega"))
+    force, vdc, idc, omega_gen = (
+        solved.channels[name][lead:] for name in ("force", "vdc", "idc", "omega")
+    )
     turn = round(2.0 * math.pi / (twin.fixed.pole_pairs * float(omega_gen[np.argmax(vdc)])) / GRID)
     size = min(speed.size, force.size)
     rate, electrical = force[:size] * speed[:size], vdc * idc
     return {
         "p_line_w": float(rate.mean()),
         "p_gen_w": float(electrical.mean()),
-        "eta_pto": float(electrical.mean() / np.maximum(rate, 0.0)[speed[:size] > 0.0].sum() * size),
+        "eta_pto": float(
+            electrical.mean() / np.maximum(rate, 0.0)[speed[:size] > 0.0].sum() * size
+        ),
         "force_n": float(force.max()),
         "vdc_v": float(np.convolve(vdc, np.full(turn, 1.0 / turn), "valid").max()),
         "i_dc_rms_a": float(np.sqrt(np.mean(idc**2))),
@@ -108,7 +142,10 @@ def score(results: list[Result]) -> None:
     for of, bar in BARS.items():
         rows: list[Row] = [row for one in results for row in one.rows if row.of == of]
         if rows:
-            share, rms = 100.0 * np.mean([row.holds for row in rows]), np.sqrt(np.mean([row.z**2 for row in rows]))
+            share, rms = (
+                100.0 * np.mean([row.holds for row in rows]),
+                np.sqrt(np.mean([row.z**2 for row in rows])),
+            )
             print(f"{of:20} {share:5.1f} % of {len(rows):3}  {bar:10}  rms {rms:.2f}")
 
 

@@ -1,9 +1,11 @@
-"""Steady states of a three-phase diode bridge, fed by sinusoidal back-EMFs behind R and L, on a stiff DC voltage.
+"""Steady states of a three-phase diode bridge, fed by sinusoidal back-EMFs behind R and L, on a
+stiff DC voltage.
 
-The circuit is solved switch by switch and exactly: between two commutations the current of every conducting phase is a
-sinusoid, a constant and an exponential, so only the instants of commutation are searched for. In units of the line-to-line
-voltage V_LL (rms) and of the reactance w_e L a steady state depends on two numbers alone: u = (Vdc + 2 Vd) / (sqrt(2) V_LL)
-and rho = R / (w_e L). The grid of them that `winchcascade/rig/bridge.py` interpolates was written by
+The circuit is solved switch by switch and exactly: between two commutations the current of every
+conducting phase is a sinusoid, a constant and an exponential, so only the instants of commutation
+are searched for. In units of the line-to-line voltage V_LL (rms) and of the reactance w_e L a
+steady state depends on two numbers alone: u = (Vdc + 2 Vd) / (sqrt(2) V_LL) and rho = R / (w_e L).
+The grid of them that `winchcascade/rig/bridge.py` interpolates was written by
 
     python benchmarks/switched_bridge.py
 """
@@ -25,7 +27,9 @@ _PERIODS = 400
 """A state that is not steady after this many periods is taken as it is."""
 
 _SETTLED = 1e-9
-"""Steady: currents repeat after a sixth of a period, the roles of the phases exchanged, to this share of V_LL / Z."""
+"""Steady: currents repeat after a sixth of a period, the roles of the phases exchanged, to this
+share of V_LL / Z.
+"""
 
 _BACK_EMF = math.sqrt(2.0 / 3.0) * np.exp(-2j * math.pi * np.arange(3) / 3.0)
 """Back-EMFs of the phases, as amplitudes of exp(j theta). [V_LL]"""
@@ -34,9 +38,10 @@ _BACK_EMF = math.sqrt(2.0 / 3.0) * np.exp(-2j * math.pi * np.arange(3) / 3.0)
 class _Mode(NamedTuple):
     """What conducts from one commutation to the next, and the solution until then.
 
-    `_state` gives the current of a conducting phase [V_LL / (w_e L)], and of another one the potential of its terminal [V_LL],
-    over the negative rail or, where nothing conducts, over the star point: the real part of `wave` exp(j theta), plus
-    `level`, plus `free` exp(-rho (theta - start)).
+    `_state` gives the current of a conducting phase [V_LL / (w_e L)], and of another one the
+    potential of its terminal [V_LL], over the negative rail or, where nothing conducts, over the
+    star point: the real part of `wave` exp(j theta), plus `level`, plus `free` exp(-rho (theta -
+    start)).
     """
 
     rho: float
@@ -51,7 +56,12 @@ class _Mode(NamedTuple):
 
 @njit(cache=True)
 def _mode(
-    rho: float, voltage: float, conducting: NDArray[np.bool_], upper: NDArray[np.bool_], start: float, currents: Signal
+    rho: float,
+    voltage: float,
+    conducting: NDArray[np.bool_],
+    upper: NDArray[np.bool_],
+    start: float,
+    currents: Signal,
 ) -> _Mode:
     """Begin a mode at an angle with the currents there."""
     wave, level, free = _BACK_EMF.copy(), np.zeros(3), np.zeros(3)
@@ -84,7 +94,9 @@ def _currents(mode: _Mode, theta: float) -> Signal:
 
 @njit(cache=True)
 def _fault(mode: _Mode, theta: float) -> int:
-    """Number of the phase whose diodes contradict the mode at an angle, plus 3 if it wants the upper rail; -1: none."""
+    """Number of the phase whose diodes contradict the mode at an angle, plus 3 if it wants the
+    upper rail; -1: none.
+    """
     state = _state(mode, theta)
     if not np.any(mode.conducting):
         return 3 + int(np.argmax(state)) if np.max(state) - np.min(state) > mode.voltage else -1
@@ -101,7 +113,9 @@ def _fault(mode: _Mode, theta: float) -> int:
 
 @njit(cache=True)
 def _next_commutation(mode: _Mode, theta: float, target: float) -> tuple[int, float]:
-    """What `_fault` first finds after an angle and by a target, and the angle where; -1 and the target if nothing."""
+    """What `_fault` first finds after an angle and by a target, and the angle where; -1 and the
+    target if nothing.
+    """
     fault, low, high = _fault(mode, target), theta, target
     if fault >= 0:
         for _ in range(46):
@@ -116,7 +130,9 @@ def _next_commutation(mode: _Mode, theta: float, target: float) -> tuple[int, fl
 
 @njit(cache=True)
 def _commutate(mode: _Mode, fault: int, theta: float) -> _Mode:
-    """Begin the mode in which the phase that contradicts the present one conducts or not as it should."""
+    """Begin the mode in which the phase that contradicts the present one conducts or not as it
+    should.
+    """
     conducting, upper, state = mode.conducting.copy(), mode.upper.copy(), _state(mode, theta)
     conducting[fault % 3], upper[fault % 3] = not conducting[fault % 3], fault >= 3
     if not np.any(mode.conducting):  # the current returns through the phase of the lowest back-EMF
@@ -124,16 +140,20 @@ def _commutate(mode: _Mode, fault: int, theta: float) -> _Mode:
         conducting[back], upper[back] = True, False
     elif np.sum(conducting) == 1:
         conducting[:] = False
-    return _mode(mode.rho, mode.voltage, conducting, upper, theta, np.where(mode.conducting, state, 0.0))
+    return _mode(
+        mode.rho, mode.voltage, conducting, upper, theta, np.where(mode.conducting, state, 0.0)
+    )
 
 
 @njit(cache=True)
 def steady_state(u: float, rho: float) -> tuple[float, float]:
-    """Solve the bridge at one point: mean DC current and rms phase current, times Z / V_LL; zeros where nothing conducts.
+    """Solve the bridge at one point: mean DC current and rms phase current, times Z / V_LL; zeros
+    where nothing conducts.
 
     Parameters
     ----------
-    u : DC voltage with two diode drops over the peak of the line-to-line voltage, 0 (short circuit) to 1 [1]
+    u : DC voltage with two diode drops over the peak of the line-to-line voltage, 0 (short circuit)
+        to 1 [1]
     rho : resistance over reactance of a phase, above 0 [1]
     """
     impedance = math.sqrt(1.0 + rho * rho)
@@ -147,7 +167,11 @@ def steady_state(u: float, rho: float) -> tuple[float, float]:
             target = theta + 2.0 * math.pi / _STEPS
             for _ in range(12):  # commutations within one step
                 fault, end = _next_commutation(mode, theta, target)
-                first, middle, last = _currents(mode, theta), _currents(mode, 0.5 * (theta + end)), _currents(mode, end)
+                first, middle, last = (
+                    _currents(mode, theta),
+                    _currents(mode, 0.5 * (theta + end)),
+                    _currents(mode, end),
+                )
                 width = (end - theta) / 6.0  # Simpson's rule
                 square += width * np.sum(first**2 + 4.0 * middle**2 + last**2) / 3.0
                 charge += width * np.sum((first + 4.0 * middle + last)[mode.upper])

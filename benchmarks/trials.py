@@ -1,9 +1,12 @@
-"""Diagnose campaigns of the independent twin at any rate, noise and number of repeats, and print scores beside their bars.
+"""Diagnose campaigns of the independent twin at any rate, noise and number of repeats, and print
+scores beside their bars.
 
-Results are lines of JSON in --out, one file a family; a case that is there already is not done again, so that a trial can be
-interrupted. --score prints the tables of what is there. --make only makes the campaigns, each with its truth.json, in
-FOLDER/family/number, where `winchcascade blind score FOLDER/family` diagnoses and judges them, too. --keep keeps the campaigns
-of a run there. --from diagnoses campaigns that --keep or --make has made before. Seeds and bars are fixed in families.py.
+Results are lines of JSON in --out, one file a family; a case that is there already is not done
+again, so that a trial can be interrupted. --score prints the tables of what is there. --make only
+makes the campaigns, each with its truth.json, in FOLDER/family/number, where `winchcascade blind
+score FOLDER/family` diagnoses and judges them, too. --keep keeps the campaigns of a run there.
+--from diagnoses campaigns that --keep or --make has made before. Seeds and bars are fixed in
+families.py.
 """
 
 from __future__ import annotations
@@ -22,7 +25,15 @@ import msgspec
 from families import ALL_COVERED, BASED, FAMILIES, Bar, Figure, plan_case, threshold_case
 
 from winchcascade.batch.campaign_diagnosis import diagnose_campaign
-from winchcascade.blind.cases import PLAIN, STATED_LOADS, Case, draw, truth_of, write_campaign, write_log
+from winchcascade.blind.cases import (
+    PLAIN,
+    STATED_LOADS,
+    Case,
+    draw,
+    truth_of,
+    write_campaign,
+    write_log,
+)
 from winchcascade.blind.injected import Hidden
 from winchcascade.blind.judge import CaseScore, Diagnosis, judge
 from winchcascade.blind.simulators import noise_free
@@ -35,7 +46,9 @@ from winchcascade.reduction.reduce import reduce
 
 ROOT = Path(__file__).parent.parent
 NEGLIGIBLE = 1e-5
-"""A contribution to an efficiency below this counts as zero: the reduction of two noise-free logs differs by as much. [1]"""
+"""A contribution to an efficiency below this counts as zero: the reduction of two noise-free
+logs differs by as much. [1]
+"""
 
 
 class Result(msgspec.Struct, frozen=True):
@@ -44,7 +57,8 @@ class Result(msgspec.Struct, frozen=True):
     Parameters
     ----------
     plain : diagnosis with the built-in rig file, where the family compares two rig files
-    shares : true contribution of the effect to eta_pto by load in ohm, where the family compares it [1]
+    shares : true contribution of the effect to eta_pto by load in ohm, where the family compares it
+        [1]
     processor : processor time of the diagnosis, that of child processes included
     commit : of the checkout that diagnosed it
     """
@@ -68,15 +82,21 @@ class Printed(Nobody):
 
     def done(self, name: str, fault: str | None) -> None:
         """Print a case."""
-        print(f"{time.perf_counter() - self._begin:7.0f} s  {name}{': ' + fault if fault else ''}", flush=True)
+        print(
+            f"{time.perf_counter() - self._begin:7.0f} s  {name}{': ' + fault if fault else ''}",
+            flush=True,
+        )
 
 
-# ------------------------------------------------------------------------------------------------------------ doing cases
+# ------------------------------------------------------------------------------------ doing cases
 @cache
 def commit() -> str:
     """Commit of this checkout, marked where files were changed since."""
     command = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--exclude", "*"]
-    return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip() or "unknown"
+    return (
+        subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
+        or "unknown"
+    )
 
 
 def make_case(case: Case, out: Path) -> None:
@@ -94,7 +114,9 @@ def made_before(case: Case, out: Path) -> Path:
     if not found.is_dir():
         found = out / f"{case.family}-{case.name}"
     if not (found / "campaign.toml").is_file():
-        raise FileNotFoundError(2, "expected a campaign that --keep or --make of trials.py has made", str(found))
+        raise FileNotFoundError(
+            2, "expected a campaign that --keep or --make of trials.py has made", str(found)
+        )
     return found
 
 
@@ -121,7 +143,8 @@ def do_case(case: Case, results: Path, keep: Path | None = None, made: Path | No
 
 
 def true_shares(case: Case, folder: Path) -> dict[str, float]:
-    """True contribution of the injected effects to eta_pto by stated load: the twin with and without them, without noise.
+    """True contribution of the injected effects to eta_pto by stated load: the twin with and
+    without them, without noise.
 
     Both follow the motion of the first repeat. The open circuit has no eta_pto.
     """
@@ -130,7 +153,9 @@ def true_shares(case: Case, folder: Path) -> dict[str, float]:
     for log, load in STATED_LOADS.items():
         motion = draw_motion(log, rng)
         solved = solve_twin(twin, log, *motion)
-        read_log(twin, solved, rng, case.logger)  # draws the noise of the log, after which the next motion is drawn
+        read_log(
+            twin, solved, rng, case.logger
+        )  # draws the noise of the log, after which the next motion is drawn
         if math.isfinite(load):
             plain = msgspec.structs.replace(twin, hidden=Hidden())
             without = _eta_pto(plain, solve_twin(plain, log, *motion), load, folder)
@@ -177,10 +202,17 @@ def planned(name: str, numbers: Sequence[int], options: argparse.Namespace) -> l
         return [plan_case(name, number) for number in numbers]
     bases = {number: (number - 1) // BASED for number in numbers}
     paths = {base: options.out / f"thresholds_base_{base}.json" for base in set(bases.values())}
-    orders = {f"thresholds of campaign {base}": base for base, path in paths.items() if not path.is_file()}
-    for _ in Workers(options.jobs).run(partial(base_thresholds, out=options.out), orders, Printed()):
+    orders = {
+        f"thresholds of campaign {base}": base for base, path in paths.items() if not path.is_file()
+    }
+    for _ in Workers(options.jobs).run(
+        partial(base_thresholds, out=options.out), orders, Printed()
+    ):
         pass
-    stated = {base: msgspec.json.decode(path.read_bytes(), type=dict[str, float]) for base, path in paths.items()}
+    stated = {
+        base: msgspec.json.decode(path.read_bytes(), type=dict[str, float])
+        for base, path in paths.items()
+    }
     return [threshold_case(number, stated[base]) for number, base in bases.items()]
 
 
@@ -198,30 +230,50 @@ def run_family(name: str, options: argparse.Namespace) -> None:
         pass
 
 
-# ----------------------------------------------------------------------------------------------------------------- scores
+# ----------------------------------------------------------------------------------------- scores
 def figures(result: Result, score: CaseScore) -> dict[Figure, list[bool]]:
-    """What a case gives for each figure; a diagnosis that failed is not honest and names nothing."""
-    causes = [sorted(cause.effect for cause in found.causes) for found in (result.found, result.plain) if found]
+    """What a case gives for each figure; a diagnosis that failed is not honest and names
+    nothing.
+    """
+    causes = [
+        sorted(cause.effect for cause in found.causes)
+        for found in (result.found, result.plain)
+        if found
+    ]
     same = result.plain is None or causes[0] == causes[-1]
     found = {Figure.HONEST: [bool(score.honest) and same], Figure.CERTAIN: [not score.false]}
     if truth_of(result.plan).named:
         found[Figure.NAMED] = [bool(score.named)]
     for what, two_sided in ((Figure.COVERED, True), (Figure.ONE_SIDED, False)):
-        found[what] = [p.covered for p in score.parameters if p.value is not None and p.two_sided is two_sided]
+        found[what] = [
+            p.covered for p in score.parameters if p.value is not None and p.two_sided is two_sided
+        ]
     if result.shares:
         found[Figure.SHARES] = [score.named is True and all(shares_hold(result))]
     if result.plan.simulator is not None:
         forms = () if result.found is None else result.found.model_form or ()
-        found[Figure.FORM] = [any(form.stage == "generator" for form in forms) == (result.plan.simulator != "same")]
+        found[Figure.FORM] = [
+            any(form.stage == "generator" for form in forms) == (result.plan.simulator != "same")
+        ]
     return found
 
 
 def shares_hold(result: Result) -> Iterator[bool]:
-    """For each load, whether the interval of a cause's contribution to eta_pto holds the true one."""
+    """For each load, whether the interval of a cause's contribution to eta_pto holds the true
+    one.
+    """
     accounts = () if result.found is None else result.found.contributions
-    parts = {a.load_ohm: [part for part in a.parts if part.effect] for a in accounts if a.metric == "eta_pto"}
+    parts = {
+        a.load_ohm: [part for part in a.parts if part.effect]
+        for a in accounts
+        if a.metric == "eta_pto"
+    }
     for load, truth in result.shares.items():
-        ends = [(p.low, p.high) for p in parts.get(float(load), []) if p.low is not None and p.high is not None]
+        ends = [
+            (p.low, p.high)
+            for p in parts.get(float(load), [])
+            if p.low is not None and p.high is not None
+        ]
         yield any(low - NEGLIGIBLE <= truth <= high + NEGLIGIBLE for low, high in ends)
 
 
@@ -234,24 +286,43 @@ def line(what: str, flags: Sequence[bool], bar: Bar | None = None) -> str:
 
 def report(name: str, results: Sequence[Result]) -> tuple[list[str], list[bool]]:
     """Lines of the table of one family, and whether each of its two-sided intervals holds."""
-    family, scores = FAMILIES[name], [judge(r.plan.name, truth_of(r.plan), r.found) for r in results]
+    family, scores = (
+        FAMILIES[name],
+        [judge(r.plan.name, truth_of(r.plan), r.found) for r in results],
+    )
     found = [figures(r, score) for r, score in zip(results, scores, strict=True)]
     used = [math.nan if r.processor is None else r.processor for r in results]
     lines = [
-        f"{name}: {len(results)} cases; median {statistics.median(r.making for r in results):.1f} s to make, "
-        f"{statistics.median(r.diagnosing for r in results):.1f} s to diagnose; processor time of the diagnoses "
+        f"{name}: {len(results)} cases; median {statistics.median(r.making for r in results):.1f} "
+        f"s to make, "
+        f"{statistics.median(r.diagnosing for r in results):.1f} s to diagnose; processor time of "
+        f"the diagnoses "
         f"{sum(used):.0f} s, median {statistics.median(used):.1f} s"
     ]
 
     def flags(figure: Figure, kinds: Sequence[str]) -> list[bool]:
         pairs = zip(results, found, strict=True)
-        return [flag for r, f in pairs if not kinds or r.plan.kind in kinds for flag in f.get(figure, ())]
+        return [
+            flag
+            for r, f in pairs
+            if not kinds or r.plan.kind in kinds
+            for flag in f.get(figure, ())
+        ]
 
     barred = {figure for figure, _ in family.bars}
-    lines += [line(", ".join((figure, *bar.kinds))[:58], flags(figure, bar.kinds), bar) for figure, bar in family.bars]
+    lines += [
+        line(", ".join((figure, *bar.kinds))[:58], flags(figure, bar.kinds), bar)
+        for figure, bar in family.bars
+    ]
     further = [
         figure
-        for figure in (Figure.NAMED, Figure.HONEST, Figure.CERTAIN, Figure.COVERED, Figure.ONE_SIDED)
+        for figure in (
+            Figure.NAMED,
+            Figure.HONEST,
+            Figure.CERTAIN,
+            Figure.COVERED,
+            Figure.ONE_SIDED,
+        )
         if figure not in barred
     ]
     lines += [line(figure, flags(figure, ())) for figure in further if flags(figure, ())]
@@ -262,27 +333,56 @@ def report(name: str, results: Sequence[Result]) -> tuple[list[str], list[bool]]
             for what in (Figure.HONEST, Figure.NAMED)
             if flags(what, [kind])
         ]
-    wanted = [(figure, bar.kinds) for figure, bar in family.bars if bar.low > 0.5] or [(Figure.NAMED, ())]
-    for r, score, given in sorted(zip(results, scores, found, strict=True), key=lambda row: row[0].plan.number):
-        counted = [f for figure, kinds in wanted if not kinds or r.plan.kind in kinds for f in given.get(figure, ())]
+    wanted = [(figure, bar.kinds) for figure, bar in family.bars if bar.low > 0.5] or [
+        (Figure.NAMED, ())
+    ]
+    for r, score, given in sorted(
+        zip(results, scores, found, strict=True), key=lambda row: row[0].plan.number
+    ):
+        counted = [
+            f
+            for figure, kinds in wanted
+            if not kinds or r.plan.kind in kinds
+            for f in given.get(figure, ())
+        ]
         if not all(counted):
             answer = score.text if r.fault is None else f"fault: {r.fault}"
-            lines.append(f"  missed {r.plan.number:>4}  {r.plan.text} -> {answer} ({r.diagnosing:.0f} s, {r.commit})")
+            lines.append(
+                f"  missed {r.plan.number:>4}  {r.plan.text} -> {answer} ({r.diagnosing:.0f} s, "
+                f"{r.commit})"
+            )
     return lines, flags(Figure.COVERED, ())
 
 
 def main() -> None:
     """Do what the options ask for, and print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--family", action="append", choices=FAMILIES, help="a family; may be repeated; default all")
-    parser.add_argument("--cases", type=int, help="number of cases of each family; its own number by default")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--family", action="append", choices=FAMILIES, help="a family; may be repeated; default all"
+    )
+    parser.add_argument(
+        "--cases", type=int, help="number of cases of each family; its own number by default"
+    )
     parser.add_argument("--first", type=int, default=1, help="number of the first case, from 1 on")
     parser.add_argument("--jobs", type=int, default=processes(), help="processes")
-    parser.add_argument("--out", type=Path, default=ROOT / "build" / "trials", help="folder of the results")
+    parser.add_argument(
+        "--out", type=Path, default=ROOT / "build" / "trials", help="folder of the results"
+    )
     parser.add_argument("--keep", type=Path, help="keep the campaigns in this folder")
-    parser.add_argument("--from", type=Path, dest="made", help="diagnose campaigns of --keep or --make in this folder")
-    parser.add_argument("--make", type=Path, help="only make the campaigns, with their truths, in this folder")
-    parser.add_argument("--score", action="store_true", help="do no cases, print the scores of those that are done")
+    parser.add_argument(
+        "--from",
+        type=Path,
+        dest="made",
+        help="diagnose campaigns of --keep or --make in this folder",
+    )
+    parser.add_argument(
+        "--make", type=Path, help="only make the campaigns, with their truths, in this folder"
+    )
+    parser.add_argument(
+        "--score", action="store_true", help="do no cases, print the scores of those that are done"
+    )
     options = parser.parse_args()
     one_thread_each()
     options.out.mkdir(parents=True, exist_ok=True)

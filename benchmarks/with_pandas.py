@@ -1,6 +1,8 @@
-"""Reduce logs as one would with pandas: read_csv, a rolling mean, phases by thresholds, trapezoidal energies.
+"""Reduce logs as one would with pandas: read_csv, a rolling mean, phases by thresholds, trapezoidal
+energies.
 
-python benchmarks/with_pandas.py LOG-OR-FOLDER... [--window 5.48] [--jobs 2] [--out TABLE.csv] [--plot FIGURE]
+python benchmarks/with_pandas.py LOG-OR-FOLDER... [--window 5.48] [--jobs 2] [--out TABLE.csv]
+[--plot FIGURE]
 
 It knows one dialect of one format, trusts every row, and gives neither uncertainty nor findings.
 """
@@ -46,7 +48,9 @@ def payouts(log: pd.DataFrame) -> list[tuple[int, int]]:
 
 
 def window_end(t: np.ndarray, v: np.ndarray, window: float | None) -> float:
-    """Give the end of a payout's window: after a length, or 0.5 s after the speed is on its plateau. [s]"""
+    """Give the end of a payout's window: after a length, or 0.5 s after the speed is on its
+    plateau. [s]
+    """
     if window is not None:
         return float(t[0] + window)
     plateau = np.median(v[v > 0.9 * v.max()])
@@ -60,7 +64,9 @@ def reduce(path: Path, window: float | None = None) -> pd.DataFrame:
     powers = log[["p_line", "p_mech", "p_gen"]].to_numpy()
     found = []
     for first, last in payouts(log):
-        last = int(np.searchsorted(t, window_end(t[first:last], v[first:last], window), side="right"))
+        last = int(
+            np.searchsorted(t, window_end(t[first:last], v[first:last], window), side="right")
+        )
         line, mech, gen = np.trapezoid(powers[first:last], t[first:last], axis=0)
         found.append((path.name, t[first], line, mech, gen, mech / line, gen / mech, gen / line))
     names = ["log", "onset", "e_line", "e_mech", "e_gen", "eta_trans", "eta_gen", "eta_pto"]
@@ -78,12 +84,18 @@ def plot(path: Path, figure_file: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("logs", type=Path, nargs="+")
-    parser.add_argument("--window", type=float, help="length from the onset [s]; until the plateau by default")
+    parser.add_argument(
+        "--window", type=float, help="length from the onset [s]; until the plateau by default"
+    )
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--out", type=Path)
     parser.add_argument("--plot", type=Path)
     asked = parser.parse_args()
-    logs = [log for given in asked.logs for log in (sorted(given.glob("*.csv")) if given.is_dir() else [given])]
+    logs = [
+        log
+        for given in asked.logs
+        for log in (sorted(given.glob("*.csv")) if given.is_dir() else [given])
+    ]
     work = partial(reduce, window=asked.window)
     if asked.jobs > 1:
         with Pool(asked.jobs) as pool:

@@ -48,7 +48,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, *, page: Page, **_: object) -> str:
-    """Put the help of commands in, and turn links that lead outside docs/ to the pages of the site."""
+    """Put the help of commands in, and turn links that lead outside docs/ to the pages of the
+    site.
+    """
     text = markdown if page.file.src_uri in OUTSIDE.values() else moved(markdown, "docs")
     return HELP.sub(lambda found: help_of(found[1]), text)
 
@@ -74,7 +76,9 @@ def help_of(command: str) -> str:
     return f'??? note "`winchcascade {command} --help`"\n\n    ```text\n{lines}\n    ```'
 
 
-LOADED = re.compile(r"""(?:<(?:script|img|iframe)[^>]*\ssrc=|<link[^>]*\shref=|url\()["']?(https?://[^"')\s>]+)""")
+LOADED = re.compile(
+    r"""(?:<(?:script|img|iframe)[^>]*\ssrc=|<link[^>]*\shref=|url\()["']?(https?://[^"')\s>]+)"""
+)
 
 
 def on_post_build(config: MkDocsConfig) -> None:
@@ -85,4 +89,6 @@ def on_post_build(config: MkDocsConfig) -> None:
         if path.suffix in (".html", ".css"):
             found = LOADED.search(path.read_text(encoding="utf-8"))
             if found:
-                raise PluginError(f"{path.name} loads {found[1]}; the site has to work without a network")
+                raise PluginError(
+                    f"{path.name} loads {found[1]}; the site has to work without a network"
+                )

@@ -1,8 +1,8 @@
 """Draw the pictures of the documents from the shipped data.
 
-`python docs/pictures.py [NAME ...]` writes docs/pictures/: the cascade, the terminal, figures that a command writes, and a
-photograph of the page of a campaign by Chromium. `sources.json` holds the data behind each picture; a test compares them with
-the present results.
+`python docs/pictures.py [NAME ...]` writes docs/pictures/: the cascade, the terminal, figures that
+a command writes, and a photograph of the page of a campaign by Chromium. `sources.json` holds the
+data behind each picture; a test compares them with the present results.
 """
 
 import json
@@ -30,7 +30,7 @@ Source = Any
 """Data behind a picture, as JSON holds them."""
 
 
-# --------------------------------------------------------------------------------------------------------------- cascade
+# ---------------------------------------------------------------------------------------- cascade
 def cascade_source() -> Source:
     """Mean energies and efficiencies of a log, as they are printed."""
     from winchcascade import read_run, reduce
@@ -52,21 +52,30 @@ PLACES = {
 }  # fmt: skip
 """Where each energy is measured: centre [px], name, and what its power is the product of."""
 
-RATIOS = (("eta_trans", "line", "mech", 208), ("eta_gen", "mech", "gen", 208), ("eta_pto", "line", "gen", 244))
+RATIOS = (
+    ("eta_trans", "line", "mech", 208),
+    ("eta_gen", "mech", "gen", 208),
+    ("eta_pto", "line", "gen", 244),
+)
 """Efficiencies, the places that they compare, and the height of their brackets. [px]"""
 
 
 def cascade(found: Source) -> str:
     """The energy cascade with the energies of one log."""
     lines = [
-        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 800 262" font-family="Helvetica, Arial, sans-serif" '
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 800 262" font-family="Helvetica, '
+        'Arial, sans-serif" '
         'font-size="14">',
-        "<title>Energy cascade of a winch-driven power take-off, with the energies of one simulated run</title>",
+        "<title>Energy cascade of a winch-driven power take-off, with the energies of one "
+        "simulated run</title>",
         f'<rect width="800" height="262" rx="8" fill="{PAPER}"/>',
         f'<line x1="30" y1="75" x2="720" y2="75" stroke="{SOFT}" stroke-width="3"/>',
     ]
     for x, width, texts in PARTS:
-        lines.append(f'<rect x="{x}" y="46" width="{width}" height="58" rx="6" fill="{FAINT}" stroke="{INK}"/>')
+        lines.append(
+            f'<rect x="{x}" y="46" width="{width}" height="58" rx="6" fill="{FAINT}" '
+            f'stroke="{INK}"/>'
+        )
         lines += [_text(x + width / 2, 70 + 19 * k, text, INK) for k, text in enumerate(texts)]
     for stage, (x, name, product) in PLACES.items():
         colour = STAGES[stage]
@@ -91,12 +100,14 @@ def _text(x: float, y: float, text: str, colour: str, *, bold: bool = False) -> 
     head, _, rest = text.partition(" = ")
     symbol, _, low = head.partition("_")
     shown = (
-        f'{symbol}<tspan dy="4" font-size="10">{low}</tspan><tspan dy="-4"> = {rest}</tspan>' if low else escape(text)
+        f'{symbol}<tspan dy="4" font-size="10">{low}</tspan><tspan dy="-4"> = {rest}</tspan>'
+        if low
+        else escape(text)
     )
     return f'<text x="{x:g}" y="{y:g}" text-anchor="middle" fill="{colour}"{weight}>{shown}</text>'
 
 
-# -------------------------------------------------------------------------------------------------------------- terminal
+# --------------------------------------------------------------------------------------- terminal
 def terminal_source() -> Source:
     """What `winchcascade audit` prints in a terminal of 84 columns, with its colours."""
     from winchcascade.core.plain_text import lines
@@ -113,7 +124,12 @@ def terminal_source() -> Source:
     return [f"$ winchcascade audit {TABLE}", *printed.rstrip("\n").split("\n")]
 
 
-COLOURS = {"\x1b[32m": "#4ec96b", "\x1b[33m": "#e0b341", "\x1b[31m": "#f2665c", "\x1b[0m": "#d7dce2"}
+COLOURS = {
+    "\x1b[32m": "#4ec96b",
+    "\x1b[33m": "#e0b341",
+    "\x1b[31m": "#f2665c",
+    "\x1b[0m": "#d7dce2",
+}
 CELL, ROW = 7.83, 17
 """Width of a character and height of a line. [px]"""
 
@@ -132,7 +148,9 @@ def terminal(lines: Source) -> str:
         parts = _spans(line)
         if parts:
             place = f'x="{CELL:g}" y="{44 + ROW * k}" textLength="{len(_bare(line)) * CELL:.5g}" lengthAdjust="spacing"'
-            drawn.append(f'<text {place} fill="{COLOURS[_PLAIN]}" xml:space="preserve">{parts}</text>')
+            drawn.append(
+                f'<text {place} fill="{COLOURS[_PLAIN]}" xml:space="preserve">{parts}</text>'
+            )
     return "\n".join([*drawn, "</svg>"]) + "\n"
 
 
@@ -153,9 +171,11 @@ def _spans(line: str) -> str:
     return text
 
 
-# --------------------------------------------------------------------------------------------------- what a command writes
+# -------------------------------------------------------------------------- what a command writes
 class Written(NamedTuple):
-    """A picture that one command writes: the command, its record as JSON, the data taken of it, and the file of the picture."""
+    """A picture that one command writes: the command, its record as JSON, the data taken of it,
+    and the file of the picture.
+    """
 
     command: str
     record: str
@@ -164,13 +184,18 @@ class Written(NamedTuple):
 
 
 def diagnosed(record: Any) -> Source:
-    """Numbers of each cause of a diagnosis, and the gap of each channel in its standard uncertainties."""
+    """Numbers of each cause of a diagnosis, and the gap of each channel in its standard
+    uncertainties.
+    """
     causes = {
         f"{cause['effect']}.{name}": _rounded(parameter["value"])
         for cause in record["causes"]
         for name, parameter in cause["parameters"].items()
     }
-    gaps = {f"{gap['channel']} {gap['phase']} {gap['load_ohm']}": _rounded(gap["z"]) for gap in record["where"]["map"]}
+    gaps = {
+        f"{gap['channel']} {gap['phase']} {gap['load_ohm']}": _rounded(gap["z"])
+        for gap in record["where"]["map"]
+    }
     return {"causes": causes, "gaps": gaps}
 
 
@@ -196,29 +221,46 @@ def _rounded(value: float | None) -> str | None:
 def designed(record: Any) -> Source:
     """Power at each operating point, and which of them are flagged."""
     rows = record["rows"]
-    return [f"{_rounded(row['p_gen_w']['value'])} {row['within_domain']} {row['over_limit']}" for row in rows]
+    return [
+        f"{_rounded(row['p_gen_w']['value'])} {row['within_domain']} {row['over_limit']}"
+        for row in rows
+    ]
 
 
 def at_sea(record: Any) -> Source:
     """Mean power of each sea."""
-    return {f"{row['hs_m']:g} m, {row['tp_s']:g} s": _rounded(row["p_gen_w"]["value"]) for row in record["rows"]}
+    return {
+        f"{row['hs_m']:g} m, {row['tp_s']:g} s": _rounded(row["p_gen_w"]["value"])
+        for row in record["rows"]
+    }
 
 
 LOG_FIGURES = f"winchcascade reduce {LOG} --json log.json --figures figures"
 CAMPAIGN_PAGE = "winchcascade batch fixtures/campaign --out results"
-DIAGNOSIS_FIGURES = "winchcascade diagnose fixtures/campaign --json diagnosis.json --figures figures"
-DESIGN_FIGURES = "winchcascade design fixtures/campaign --current-limit 11 --json design.json --figures figures"
+DIAGNOSIS_FIGURES = (
+    "winchcascade diagnose fixtures/campaign --json diagnosis.json --figures figures"
+)
+DESIGN_FIGURES = (
+    "winchcascade design fixtures/campaign --current-limit 11 --json design.json --figures figures"
+)
 SEA_FIGURES = (
-    "winchcascade sea fixtures/campaign --hs 0.25,0.5,0.75,1 --tp 5,6,7,8,9,10 --load 9 --minutes 5 --json sea.json "
+    "winchcascade sea fixtures/campaign --hs 0.25,0.5,0.75,1 --tp 5,6,7,8,9,10 --load 9 --minutes "
+    "5 --json sea.json "
     "--figures figures"
 )
-BENCH_FIGURES = "winchcascade reduce dyno.csv --rig bench.toml --loss-map dyno_loss.json --figures figures"
+BENCH_FIGURES = (
+    "winchcascade reduce dyno.csv --rig bench.toml --loss-map dyno_loss.json --figures figures"
+)
 
 WRITTEN = {
     "histories.svg": Written(LOG_FIGURES, "log.json", reduced, "figures/r36ohm_histories.svg"),
-    "campaign.png": Written(CAMPAIGN_PAGE, "results/campaign.json", of_campaign, "results/campaign.html"),
+    "campaign.png": Written(
+        CAMPAIGN_PAGE, "results/campaign.json", of_campaign, "results/campaign.html"
+    ),
     "map.svg": Written(DIAGNOSIS_FIGURES, "diagnosis.json", diagnosed, "figures/diagnosis_map.svg"),
-    "waterfall.svg": Written(DIAGNOSIS_FIGURES, "diagnosis.json", diagnosed, "figures/diagnosis_waterfall.svg"),
+    "waterfall.svg": Written(
+        DIAGNOSIS_FIGURES, "diagnosis.json", diagnosed, "figures/diagnosis_waterfall.svg"
+    ),
     "design.svg": Written(DESIGN_FIGURES, "design.json", designed, "figures/design_map.svg"),
     "sea.svg": Written(SEA_FIGURES, "sea.json", at_sea, "figures/sea_power.svg"),
     "loss_map.svg": Written(BENCH_FIGURES, "dyno_loss.json", mapped, "figures/dyno_loss-heat.svg"),
@@ -227,7 +269,9 @@ WRITTEN = {
 
 @cache
 def done(command: str) -> Path:
-    """Folder with the shipped logs and the bench of the page on loss maps, in which a command has been run."""
+    """Folder with the shipped logs and the bench of the page on loss maps, in which a command
+    has been run.
+    """
     place = Path(tempfile.mkdtemp())
     shutil.copytree(ROOT / "fixtures", place / "fixtures")
     page = (ROOT / "docs" / "loss_map.md").read_text(encoding="utf-8")
@@ -242,7 +286,9 @@ def done(command: str) -> Path:
 
 def source_of(written: Written) -> Source:
     """The data behind a picture, from the record of its command."""
-    return written.data(json.loads((done(written.command) / written.record).read_text(encoding="utf-8")))
+    return written.data(
+        json.loads((done(written.command) / written.record).read_text(encoding="utf-8"))
+    )
 
 
 def drawing_of(written: Written) -> str | bytes:
@@ -258,9 +304,13 @@ def drawing_of(written: Written) -> str | bytes:
 
 def photograph(page: Path) -> bytes:
     """The first screen of a page."""
-    browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    browser = next(
+        filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+    )
     if browser is None:
-        raise SystemExit(f"{page.name}: expected Chromium on the path; install it, or name the other pictures.")
+        raise SystemExit(
+            f"{page.name}: expected Chromium on the path; install it, or name the other pictures."
+        )
     picture = page.with_suffix(".png")
     subprocess.run(
         [browser, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--window-size=1180,1200",
@@ -294,7 +344,9 @@ def draw(names: Sequence[str]) -> None:
         stored[name] = data_of(name)
         content = picture_of(name, stored[name])
         (PICTURES / name).write_bytes(content.encode() if isinstance(content, str) else content)
-    text = json.dumps({name: stored[name] for name in sorted({*DRAWN, *WRITTEN})}, indent=1, ensure_ascii=False)
+    text = json.dumps(
+        {name: stored[name] for name in sorted({*DRAWN, *WRITTEN})}, indent=1, ensure_ascii=False
+    )
     SOURCES.write_text(f"{text}\n", encoding="utf-8")
 
 

@@ -1,6 +1,8 @@
-"""The command line called in this process: as a user meets it, without the second that a process takes to start.
+"""The command line called in this process: as a user meets it, without the second that a process
+takes to start.
 
-A call takes the machine to have one processor: unless `--jobs` is given, it starts no processes for its work either.
+A call takes the machine to have one processor: unless `--jobs` is given, it starts no processes for
+its work either.
 """
 
 import io
@@ -35,8 +37,15 @@ class Terminal(io.TextIOWrapper):
         return True
 
 
-def call(*arguments: str | Path, encoding: str = "utf-8", patience: int = PATIENCE, terminal: bool = False) -> Called:
-    """Call the command line with streams of an encoding; a command that never ends is a fault of the test."""
+def call(
+    *arguments: str | Path,
+    encoding: str = "utf-8",
+    patience: int = PATIENCE,
+    terminal: bool = False,
+) -> Called:
+    """Call the command line with streams of an encoding; a command that never ends is a fault of
+    the test.
+    """
     kind = Terminal if terminal else io.TextIOWrapper
     streams = [kind(io.BytesIO(), encoding=encoding) for _ in range(2)]
     kept = sys.argv, sys.stdout, sys.stderr
@@ -44,7 +53,10 @@ def call(*arguments: str | Path, encoding: str = "utf-8", patience: int = PATIEN
     sys.argv = ["winchcascade", *map(str, arguments)]
     sys.stdout, sys.stderr = streams
     try:
-        with _patience(patience), mock.patch.object(os, "sched_getaffinity", create=True, return_value={0}):
+        with (
+            _patience(patience),
+            mock.patch.object(os, "sched_getaffinity", create=True, return_value={0}),
+        ):
             main()
         code = 0
     except SystemExit as ended:

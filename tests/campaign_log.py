@@ -1,4 +1,6 @@
-"""The clean 36 ohm log as cells, and the ways in which loggers, spreadsheets and lab PCs would have written it."""
+"""The clean 36 ohm log as cells, and the ways in which loggers, spreadsheets and lab PCs would
+have written it.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,12 @@ Cells = Sequence[Sequence[str]]
 
 
 def text(
-    rows: Cells = ROWS, head: Sequence[str] | None = HEAD, *, delimiter: str = ",", decimal: str = ".", end: str = "\n"
+    rows: Cells = ROWS,
+    head: Sequence[str] | None = HEAD,
+    *,
+    delimiter: str = ",",
+    decimal: str = ".",
+    end: str = "\n",
 ) -> str:
     lines = [] if head is None else [delimiter.join(head)]
     lines.append(end.join(map(delimiter.join, rows)).replace(".", decimal))
@@ -58,7 +65,9 @@ def write(folder: Path, content: str | bytes, encoding: str = "utf-8") -> Path:
     return path
 
 
-def read(folder: Path, content: str | bytes, encoding: str = "utf-8", rig: Rig | None = None) -> Run:
+def read(
+    folder: Path, content: str | bytes, encoding: str = "utf-8", rig: Rig | None = None
+) -> Run:
     return read_run(write(folder, content, encoding), rig=rig)
 
 

@@ -31,7 +31,9 @@ LOGS: dict[str, tuple[str, float, float | str]] = {
 def reduced(name: str, *, about: str = "", rig: Rig | None = None) -> Reduction:
     """One of `LOGS`, reduced, as if it were stated to be measured."""
     file, load, window = LOGS[name]
-    run = read_run(FIXTURES / "campaign" / file, rig=rig, load=load, about=about, origin=Origin(True))
+    run = read_run(
+        FIXTURES / "campaign" / file, rig=rig, load=load, about=about, origin=Origin(True)
+    )
     return reduce(run, rig=rig, window=window)
 
 
@@ -62,4 +64,8 @@ def binned(rows: list[int], x: Signal, y: Signal, width: float, minimum: int) ->
     bins: dict[int, list[float]] = {}
     for k in rows:
         bins.setdefault(math.floor(float(x[k]) / width), []).append(float(y[k]))
-    return {(n + 0.5) * width: float(np.mean(ys)) for n, ys in sorted(bins.items()) if len(ys) >= minimum}
+    return {
+        (n + 0.5) * width: float(np.mean(ys))
+        for n, ys in sorted(bins.items())
+        if len(ys) >= minimum
+    }

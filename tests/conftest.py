@@ -1,4 +1,6 @@
-"""Fixtures of all tests: the shipped logs, and the data beside the project, which users do not have."""
+"""Fixtures of all tests: the shipped logs, and the data beside the project, which users do not
+have.
+"""
 
 import os
 import signal
@@ -9,14 +11,24 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as commands set it: the matrices are small, and the workers many
-os.environ.pop("COLUMNS", None)  # set in the workers: commands would lay out for a terminal of that width
+os.environ.setdefault(
+    "OPENBLAS_NUM_THREADS", "1"
+)  # as commands set it: the matrices are small, and the workers many
+os.environ.pop(
+    "COLUMNS", None
+)  # set in the workers: commands would lay out for a terminal of that width
 
-settings.register_profile("fast", deadline=None, derandomize=True, max_examples=50)  # a busy machine is no fault
-settings.register_profile("thorough", settings.get_profile("fast"), max_examples=200)  # of make test-all
+settings.register_profile(
+    "fast", deadline=None, derandomize=True, max_examples=50
+)  # a busy machine is no fault
+settings.register_profile(
+    "thorough", settings.get_profile("fast"), max_examples=200
+)  # of make test-all
 settings.load_profile("fast")
 
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # begun in the background: tests of interrupts would wait forever
+if (
+    signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+):  # begun in the background: tests of interrupts would wait forever
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 pytest_plugins = ("designed",)
@@ -41,7 +53,12 @@ TOGETHER = {
 
 ALONE = {
     f"tests/{name}.py"
-    for name in ("test_reference", "test_pages", "comparison/test_coverage", "diagnosis/test_calibrated_rig")
+    for name in (
+        "test_reference",
+        "test_pages",
+        "comparison/test_coverage",
+        "diagnosis/test_calibrated_rig",
+    )
 }
 """Files of long tests that share nothing: each test may be done by another worker."""
 
@@ -64,11 +81,15 @@ FIRST = tuple(
         "blind",
     )
 )
-"""Files with long tests, the longest of all first: begun first, so that no worker has one left when the others are done."""
+"""Files with long tests, the longest of all first: begun first, so that no worker has one left
+when the others are done.
+"""
 
 
 def place_in_order(item: pytest.Item) -> int:
-    return next((place for place, start in enumerate(FIRST) if item.nodeid.startswith(start)), len(FIRST))
+    return next(
+        (place for place, start in enumerate(FIRST) if item.nodeid.startswith(start)), len(FIRST)
+    )
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -77,7 +98,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Give a worker a whole file, a whole group of `TOGETHER` or one test of `ALONE`, in the order of collection."""
+    """Give a worker a whole file, a whole group of `TOGETHER` or one test of `ALONE`, in the
+    order of collection.
+    """
     from xdist.scheduler import LoadFileScheduling
 
     config.option.loadscopereorder = False
@@ -94,7 +117,9 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 @pytest.fixture(autouse=True)
 def _own_signals() -> Iterator[None]:
-    """Restore the handlers of signals, which a command that a test calls in this process replaces."""
+    """Restore the handlers of signals, which a command that a test calls in this process
+    replaces.
+    """
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     yield
     for number, handler in before.items():

@@ -1,4 +1,6 @@
-"""A diagnosed campaign of two loads with a known cause, and a posterior of few numbers, which is quick to design with."""
+"""A diagnosed campaign of two loads with a known cause, and a posterior of few numbers, which is
+quick to design with.
+"""
 
 import json
 from pathlib import Path
@@ -9,7 +11,12 @@ from diagnosed import diagnosed
 
 from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.handover.posterior import RigPosterior, Tested, posterior_of_rig, tested_by
+from winchcascade.diagnosis.handover.posterior import (
+    RigPosterior,
+    Tested,
+    posterior_of_rig,
+    tested_by,
+)
 from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
@@ -44,9 +51,16 @@ def record(copper: ModelDiagnosis, tmp_path_factory: pytest.TempPathFactory) -> 
 
 @pytest.fixture(scope="session")
 def small() -> RigPosterior:
-    """Two numbers and two effects of the rig of the paper, of which the first number and the first effect are correlated."""
-    numbers = tuple(Parameter(name, path=f"generator.{name}", operation="scale") for name in ("r_s", "k_e"))
-    effects = make_effect("copper_heating", {"r_s_change": 0.4}), make_effect("line_drag", {"b": 0.9})
+    """Two numbers and two effects of the rig of the paper, of which the first number and the
+    first effect are correlated.
+    """
+    numbers = tuple(
+        Parameter(name, path=f"generator.{name}", operation="scale") for name in ("r_s", "k_e")
+    )
+    effects = (
+        make_effect("copper_heating", {"r_s_change": 0.4}),
+        make_effect("line_drag", {"b": 0.9}),
+    )
     sd = np.array([0.03, 0.004, 0.05, 0.1])
     covariance = np.diag(sd**2)
     covariance[0, 2] = covariance[2, 0] = -0.8 * sd[0] * sd[2]

@@ -1,4 +1,6 @@
-"""A small campaign with a known cause and its diagnosis, as several tests of the report use them."""
+"""A small campaign with a known cause and its diagnosis, as several tests of the report use
+them.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,9 @@ PLANTED: dict[str, Planted] = {
 
 
 def made_logs(effects: Planted, seconds: float = 75.0) -> list[Simulation]:
-    """Logs of a rig with some effects, along motions of the packaged campaign, with noise of their own."""
+    """Logs of a rig with some effects, along motions of the packaged campaign, with noise of
+    their own.
+    """
     rng = np.random.default_rng(7)
     model = baseline(calibrated_rig())
     for name, fields in effects.items():
@@ -52,15 +56,21 @@ def _part(file: str, load: float, seconds: float) -> Run:
     run = read_run(FIXTURES / file, load=load)
     own = run.t <= run.t[0] + seconds
     channels = {name: x[own] for name, x in run.channels.items()}
-    return msgspec.structs.replace(run, t=run.t[own], channels=channels, samples=int(own.sum()), gaps={}, findings=())
+    return msgspec.structs.replace(
+        run, t=run.t[own], channels=channels, samples=int(own.sum()), gaps={}, findings=()
+    )
 
 
 def _noisy(run: Run, rng: np.random.Generator) -> Run:
-    noisy = {name: run.channels[name] + rng.normal(0.0, sd, run.t.size) for name, sd in NOISE.items()}
+    noisy = {
+        name: run.channels[name] + rng.normal(0.0, sd, run.t.size) for name, sd in NOISE.items()
+    }
     return msgspec.structs.replace(run, channels={**run.channels, **noisy}, simulated=True)
 
 
-def write_campaign(folder: Path, effects: Planted, *, more: str = "", seconds: float = 75.0) -> Path:
+def write_campaign(
+    folder: Path, effects: Planted, *, more: str = "", seconds: float = 75.0
+) -> Path:
     """Write such logs with their campaign.toml; `more` stands in the entry of the last."""
     lines = ['title = "a campaign of two loads"']
     for one, (name, load) in zip(made_logs(effects, seconds), LOGS.items(), strict=True):

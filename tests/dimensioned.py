@@ -12,7 +12,8 @@ PURE = {"1", "sigma"}
 
 
 def dimensioned(*folders: str, but: tuple[str, ...] = ()) -> dict[str, str]:
-    """Constants of the modules in some folders of the package with the unit of their note, where this is a dimension.
+    """Constants of the modules in some folders of the package with the unit of their note, where
+    this is a dimension.
 
     Parameters
     ----------
@@ -36,13 +37,26 @@ def _noted(module: ast.Module) -> Iterator[tuple[str, str]]:
         if isinstance(statement, ast.AnnAssign):
             targets = [statement.target]
         note = following.value if isinstance(following, ast.Expr) else None
-        if isinstance(note, ast.Constant) and isinstance(note.value, str) and _holds_numbers(statement):
-            names = (node.id for target in targets for node in ast.walk(target) if isinstance(node, ast.Name))
+        if (
+            isinstance(note, ast.Constant)
+            and isinstance(note.value, str)
+            and _holds_numbers(statement)
+        ):
+            names = (
+                node.id
+                for target in targets
+                for node in ast.walk(target)
+                if isinstance(node, ast.Name)
+            )
             yield from ((name, note.value) for name in names if name.isupper())
 
 
 def _holds_numbers(statement: ast.stmt) -> bool:
     """Whether a number or another constant takes part in a value, and not only words."""
     parts = list(ast.walk(statement))
-    numbers = any(isinstance(node, ast.Constant) and isinstance(node.value, int | float) for node in parts)
-    return numbers or any(isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load) for node in parts)
+    numbers = any(
+        isinstance(node, ast.Constant) and isinstance(node.value, int | float) for node in parts
+    )
+    return numbers or any(
+        isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load) for node in parts
+    )

@@ -1,4 +1,6 @@
-"""Runs of equal cycles without noise, whose channels may get an amplitude of their own in each cycle."""
+"""Runs of equal cycles without noise, whose channels may get an amplitude of their own in each
+cycle.
+"""
 
 from collections.abc import Mapping
 
@@ -13,7 +15,17 @@ Channels = Mapping[str, Signal]
 RATE, PERIOD, LENGTH = 50.0, 10.0, 3.0
 """Samples a second [Hz], seconds from cycle to cycle and in a window [s]."""
 
-CORNERS = ((0.0, 0.0), (1.0, 0.0), (2.5, 0.8), (4.5, 0.8), (5.3, 0.0), (6.0, 0.0), (6.6, -1.1), (8.4, -1.1), (9.0, 0.0))
+CORNERS = (
+    (0.0, 0.0),
+    (1.0, 0.0),
+    (2.5, 0.8),
+    (4.5, 0.8),
+    (5.3, 0.0),
+    (6.0, 0.0),
+    (6.6, -1.1),
+    (8.4, -1.1),
+    (9.0, 0.0),
+)
 """Ramp, plateau, ramp down, hold and haul-in of one cycle: time [s] and velocity [m/s]."""
 
 
@@ -42,7 +54,9 @@ def amplified(channels: Channels, factors: Mapping[str, Signal]) -> Channels:
     def by_cycle(k: Signal) -> Signal:
         return np.append(np.repeat(k, samples), k[-1])
 
-    return {name: x * by_cycle(factors[name]) if name in factors else x for name, x in channels.items()}
+    return {
+        name: x * by_cycle(factors[name]) if name in factors else x for name, x in channels.items()
+    }
 
 
 def run_of(t: Signal, channels: Channels) -> Run:

@@ -31,20 +31,30 @@ def _of_axes(ax: Any) -> Iterator[Text]:
     for axis in (ax.xaxis, ax.yaxis) if ax.axison else ():
         low, high = sorted(axis.get_view_interval())
         shown = [tick for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
-        yield from (label for tick in shown for label in (tick.label1, tick.label2) if label.get_visible())
+        yield from (
+            label for tick in shown for label in (tick.label1, tick.label2) if label.get_visible()
+        )
         yield axis.label
 
 
 def misplaced(figure: Figure) -> list[str]:
     """Texts that lie over another one or leave the figure."""
-    boxes = [(text.get_text(), text.get_window_extent()) for text in texts_of(figure) if text.get_text().strip()]
+    boxes = [
+        (text.get_text(), text.get_window_extent())
+        for text in texts_of(figure)
+        if text.get_text().strip()
+    ]
     whole = figure.bbox.padded(EDGE)
     outside = [name for name, box in boxes if not _within(box, whole)]
-    return outside + [f"{a} on {b}" for (a, one), (b, two) in combinations(boxes, 2) if _overlap(one, two)]
+    return outside + [
+        f"{a} on {b}" for (a, one), (b, two) in combinations(boxes, 2) if _overlap(one, two)
+    ]
 
 
 def _within(box: Bbox, whole: Bbox) -> bool:
-    return bool(whole.x0 <= box.x0 and box.x1 <= whole.x1 and whole.y0 <= box.y0 and box.y1 <= whole.y1)
+    return bool(
+        whole.x0 <= box.x0 and box.x1 <= whole.x1 and whole.y0 <= box.y0 and box.y1 <= whole.y1
+    )
 
 
 def _overlap(one: Bbox, two: Bbox) -> bool:

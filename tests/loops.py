@@ -1,4 +1,6 @@
-"""Many cases in one test: a loop that reports every case that fails, and a choice of cases in place of all combinations."""
+"""Many cases in one test: a loop that reports every case that fails, and a choice of cases in
+place of all combinations.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import combinations, product
@@ -10,7 +12,8 @@ Case = tuple[Any, ...]
 
 
 def failures(check: Callable[..., object], cases: Iterable[Case]) -> list[str]:
-    """Cases for which a check fails, each with the first line of the reason; a test asserts that there are none.
+    """Cases for which a check fails, each with the first line of the reason; a test asserts that
+    there are none.
 
     >>> def is_even(number: int) -> None:
     ...     assert number % 2 == 0, "odd"
@@ -30,7 +33,8 @@ def failures(check: Callable[..., object], cases: Iterable[Case]) -> list[str]:
 
 
 def rejections(read: Callable[[str, str], object], fault: type[Exception], cases: str) -> list[str]:
-    """Check files that cannot be used: lines of a text, with ; for a line end, an @ and the words that the sentence contains.
+    """Check files that cannot be used: lines of a text, with ; for a line end, an @ and the words
+    that the sentence contains.
 
     The sentence begins with the name of the file; what fails is returned.
     """
@@ -48,7 +52,8 @@ def rejections(read: Callable[[str, str], object], fault: type[Exception], cases
 
 
 def all_pairs(*choices: Iterable[Any]) -> list[Case]:
-    """Few combinations that hold every pair of values of any two choices; the same ones at every call.
+    """Few combinations that hold every pair of values of any two choices; the same ones at every
+    call.
 
     >>> all_pairs("ab", [1, 2], "xy")
     [('a', 1, 'x'), ('a', 2, 'y'), ('b', 1, 'y'), ('b', 2, 'x')]
@@ -61,7 +66,10 @@ def all_pairs(*choices: Iterable[Any]) -> list[Case]:
         best = max(every, key=lambda indices: len(open_pairs.intersection(_pairs(indices))))
         open_pairs.difference_update(_pairs(best))
         chosen.append(best)
-    return [tuple(choice[k] for choice, k in zip(values, indices, strict=True)) for indices in sorted(chosen)]
+    return [
+        tuple(choice[k] for choice, k in zip(values, indices, strict=True))
+        for indices in sorted(chosen)
+    ]
 
 
 def _pairs(indices: Sequence[int]) -> list[tuple[tuple[int, int], tuple[int, int]]]:

@@ -31,6 +31,8 @@ def table_text(rows: Sequence[Mapping[str, float]], units: Units = PLAIN, entrie
     return "\n".join(lines) + "\n"
 
 
-def made_table(rows: Sequence[Mapping[str, float]], units: Units = PLAIN, entries: str = "") -> PublishedTable:
+def made_table(
+    rows: Sequence[Mapping[str, float]], units: Units = PLAIN, entries: str = ""
+) -> PublishedTable:
     """A table of such rows."""
     return parse_table(table_text(rows, units, entries), "made.toml", name="made")

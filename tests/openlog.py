@@ -1,4 +1,6 @@
-"""Logs of an open circuit made with known numbers: the rig's model along a smooth crane motion, read by sensors with noise."""
+"""Logs of an open circuit made with known numbers: the rig's model along a smooth crane motion,
+read by sensors with noise.
+"""
 
 import math
 
@@ -27,7 +29,9 @@ DECIMALS = 4
 
 
 def estimated_rig() -> Rig:
-    """The built-in rig with the three numbers that an open circuit determines known to a tenth only."""
+    """The built-in rig with the three numbers that an open circuit determines known to a tenth
+    only.
+    """
     rig = built_in()
     for place in (("generator", "k_e"), ("restoring", "mu_screw"), ("drivetrain", "b_rotor")):
         number = quantity_of(rig, *place)
@@ -55,11 +59,15 @@ def motion_run(speed: float = 0.95, cycles: int = 3, load: float | None = math.i
     t = np.arange(0.0, 36.0 * cycles + 4.0, 1.0 / FS)
     v = crane_velocity(t, speed, cycles)
     x = np.concatenate(([0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) / FS)))
-    return Run("made.csv", t, {"displacement": x, "velocity": v}, FS, t.size, load=load, load_source="made")
+    return Run(
+        "made.csv", t, {"displacement": x, "velocity": v}, FS, t.size, load=load, load_source="made"
+    )
 
 
 def made_log(model: Model | None = None, seed: int | None = None, **motion: float) -> Run:
-    """A log of a model (the built-in rig's by default) along that motion; without a seed it has no noise."""
+    """A log of a model (the built-in rig's by default) along that motion; without a seed it has
+    no noise.
+    """
     run = simulate(motion_run(**motion), model or baseline(built_in())).run  # type: ignore[arg-type]
     channels = dict(run.channels)
     if seed is not None:

@@ -1,4 +1,6 @@
-"""Rigs of other parts than those of the paper: a spring, a counterweight or nothing in place of the gas, and a direct drive."""
+"""Rigs of other parts than those of the paper: a spring, a counterweight or nothing in place of
+the gas, and a direct drive.
+"""
 
 from __future__ import annotations
 
@@ -65,7 +67,9 @@ k_e = { value = 2, unit = "V/rpm", u_percent = 0.2 }
 r_s = { value = 1, unit = "ohm", u_percent = 0.5 }
 l_s = { value = 20, unit = "mH", u_percent = 1 }""",
 }
-"""Tables [drivetrain] and [generator] of a gear of 1:30, and of a machine on the shaft of the drum."""
+"""Tables [drivetrain] and [generator] of a gear of 1:30, and of a machine on the shaft of the
+drum.
+"""
 
 SENSORS = {
     "pressure": ("MPa", 0.003),
@@ -74,7 +78,9 @@ SENSORS = {
     "vdc": ("V", 0.05),
     "idc": ("A", 0.005),
 }
-"""Sensors that were calibrated in place: unit and standard uncertainty of the zero; that of the gain is 0.1 %."""
+"""Sensors that were calibrated in place: unit and standard uncertainty of the zero; that of the
+gain is 0.1 %.
+"""
 
 LOADS = (math.inf, 36.0, 12.0)
 """Loads of a campaign. [ohm]"""
@@ -86,7 +92,9 @@ Effects = Mapping[str, Mapping[str, float]]
 
 
 def own_text(kind: str, shaft: str = "geared") -> str:
-    """Text of a whole rig file: a drum of 0.2 m, restoring module and shaft of the tables above, the rules of the paper."""
+    """Text of a whole rig file: a drum of 0.2 m, restoring module and shaft of the tables above,
+    the rules of the paper.
+    """
     sensors = "\n".join(
         f'[sensors.{name}]\nunit = "{unit}"\nu_zero = {zero}\nu_gain = 0.001'
         for name, (unit, zero) in SENSORS.items()
@@ -112,8 +120,12 @@ def own_rig(kind: str, shaft: str = "geared") -> Rig:
     return parse_rig(own_text(kind, shaft), f"{kind}.toml")
 
 
-def own_campaign(kind: str, shaft: str, effects: Effects, *, cycles: int = 1, seed: int = 0) -> list[Run]:
-    """A campaign of a rig with some effects of the catalogue, at `LOADS`, with the noise of a logger."""
+def own_campaign(
+    kind: str, shaft: str, effects: Effects, *, cycles: int = 1, seed: int = 0
+) -> list[Run]:
+    """A campaign of a rig with some effects of the catalogue, at `LOADS`, with the noise of a
+    logger.
+    """
     model = baseline(own_rig(kind, shaft))
     for name, fields in effects.items():
         model = make_effect(name, fields).apply(model)
@@ -123,6 +135,8 @@ def own_campaign(kind: str, shaft: str, effects: Effects, *, cycles: int = 1, se
 
 def noisy(run: Run, rng: np.random.Generator) -> Run:
     """A simulated log with the noise of its sensors."""
-    channels = {name: x + rng.normal(0.0, NOISE.get(name, 0.0), x.size) for name, x in run.channels.items()}
+    channels = {
+        name: x + rng.normal(0.0, NOISE.get(name, 0.0), x.size) for name, x in run.channels.items()
+    }
     name = "open.csv" if run.load is None or math.isinf(run.load) else f"r{run.load:g}ohm.csv"
     return msgspec.structs.replace(run, name=name, channels=channels, simulated=False)

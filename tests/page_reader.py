@@ -58,30 +58,53 @@ class PageReader(HTMLParser):
 
     def foreign_scripts(self) -> list[str]:
         """Scripts that are neither those of the templates nor JSON that no text can end."""
-        own = [(template_folder() / name).read_text(encoding="utf-8") for name in ("uplot.js", "page.js")]
+        own = [
+            (template_folder() / name).read_text(encoding="utf-8")
+            for name in ("uplot.js", "page.js")
+        ]
         found = [text for tag, text in self.texts if tag == "script"]
-        data = [text for text in found if text.startswith("{") and "<" not in text and json.loads(text)]
+        data = [
+            text for text in found if text.startswith("{") and "<" not in text and json.loads(text)
+        ]
         return [text for text in found if text not in own and text not in data]
 
     def dangling(self) -> set[str]:
         """Targets within the page that do not exist."""
-        links = [v for name in ("href", "xlink:href") for v in self.values(name) if v.startswith("#")]
-        named = [word for name in ("aria-labelledby", "for") for v in self.values(name) for word in v.split()]
-        painted = re.findall(r"url\(#([^)]*)\)", " ".join(v for _, a in self.elements for v in a.values()))
+        links = [
+            v for name in ("href", "xlink:href") for v in self.values(name) if v.startswith("#")
+        ]
+        named = [
+            word
+            for name in ("aria-labelledby", "for")
+            for v in self.values(name)
+            for word in v.split()
+        ]
+        painted = re.findall(
+            r"url\(#([^)]*)\)", " ".join(v for _, a in self.elements for v in a.values())
+        )
         return ({link[1:] for link in links} | set(named) | set(painted)) - set(self.values("id"))
 
     def requests(self) -> list[str]:
-        """What would make a browser ask for something else, or run what is no script of the page."""
+        """What would make a browser ask for something else, or run what is no script of the
+        page.
+        """
         found = [tag for tag, _ in self.elements if tag in FORBIDDEN]
         found += [*self.values("src"), *self.values("srcset")]
         found += [name for _, a in self.elements for name in a if name.startswith("on")]
-        addresses = {v for _, a in self.elements for v in a.values() if re.match(r"\s*(\w+://|javascript:)", v)}
+        addresses = {
+            v
+            for _, a in self.elements
+            for v in a.values()
+            if re.match(r"\s*(\w+://|javascript:)", v)
+        }
         found += sorted(addresses - NAMESPACES)
         for tag, text in self.texts:
             if tag == "style":
                 found += re.findall(r"@import|url\(|https?:", text)
             elif tag == "script" and not text.startswith("{"):
-                code = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)  # without the licence of what it holds
+                code = re.sub(
+                    r"/\*.*?\*/", "", text, flags=re.DOTALL
+                )  # without the licence of what it holds
                 found += sorted(set(re.findall(r'https?://[^"]*', code)) - NAMESPACES)
                 calls = r"\b(?:fetch|XMLHttpRequest|import|eval|sendBeacon|WebSocket|innerHTML)\b\s*[(.=]"
                 found += re.findall(calls, code)

@@ -1,4 +1,5 @@
-"""Pages that a reader follows from top to bottom: files to save, lines to put in, commands and what they print.
+"""Pages that a reader follows from top to bottom: files to save, lines to put in, commands and what
+they print.
 
 A block of a page is a step of it:
 
@@ -27,7 +28,8 @@ BENCHES = ROOT.parent / "shared" / "data" / "benches"
 """Measured logs of other people's benches, which only the project's own machines have."""
 
 BLOCK = re.compile(
-    r"(?:(?P<verb>Save as|Append to|Put into) `(?P<file>[^`\n]+)`[^\n]*\n\n)?^```(?P<kind>\w+)\n(?P<text>.*?)^```$",
+    r"(?:(?P<verb>Save as|Append to|Put into) "
+    r"`(?P<file>[^`\n]+)`[^\n]*\n\n)?^```(?P<kind>\w+)\n(?P<text>.*?)^```$",
     re.DOTALL | re.MULTILINE,
 )
 
@@ -74,13 +76,19 @@ def shown(page: Path) -> dict[str, str]:
 
 
 def follow(page: Path, place: Path) -> str:
-    """Follow a page in a folder; the page with what its blocks print now. Stops where something cannot be followed."""
+    """Follow a page in a folder; the page with what its blocks print now. Stops where something
+    cannot be followed.
+    """
     page_text, names = read(page), dict[str, Any]()
 
     def followed(found: re.Match[str]) -> str:
         step = Step(*found.groups(default=""))
         start, end = found.span("text")
-        return page_text[found.start() : start] + text_of(step, place, names) + page_text[end : found.end()]
+        return (
+            page_text[found.start() : start]
+            + text_of(step, place, names)
+            + page_text[end : found.end()]
+        )
 
     return BLOCK.sub(followed, page_text)
 
@@ -120,7 +128,8 @@ class Session(doctest.DocTestRunner):
         self.names.update(test.globs)
         printed = iter(self.printed)
         return "".join(
-            part if isinstance(part, str) else prompted(part.source) + next(printed) for part in parser.parse(text)
+            part if isinstance(part, str) else prompted(part.source) + next(printed)
+            for part in parser.parse(text)
         )
 
     def report_success(self, out: object, test: object, example: doctest.Example, got: str) -> None:  # noqa: ARG002
@@ -129,7 +138,13 @@ class Session(doctest.DocTestRunner):
     def report_failure(self, out: object, test: object, example: doctest.Example, got: str) -> None:  # noqa: ARG002
         self.printed.append(re.sub(r"^$\n", "<BLANKLINE>\n", got, flags=re.MULTILINE))
 
-    def report_unexpected_exception(self, out: object, test: object, example: doctest.Example, exc_info: Any) -> None:  # noqa: ARG002
+    def report_unexpected_exception(
+        self,
+        out: object,  # noqa: ARG002
+        test: object,  # noqa: ARG002
+        example: doctest.Example,
+        exc_info: Any,
+    ) -> None:
         raise AssertionError(example.source) from exc_info[1]
 
 
@@ -158,7 +173,9 @@ def put_into(path: Path, diff: str) -> None:
 
 
 def run(command: str, place: Path) -> subprocess.CompletedProcess[str]:
-    """Run a command as a reader would in a shell whose path holds this environment; a copy of the project comes first."""
+    """Run a command as a reader would in a shell whose path holds this environment; a copy of
+    the project comes first.
+    """
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     project = {"PYTHONPATH": str(place)} if (place / "winchcascade").is_dir() else {}
     return subprocess.run(

@@ -1,4 +1,6 @@
-"""The thresholds of the paper as text, for rigs that are based on its rig and whose logs are its own."""
+"""The thresholds of the paper as text, for rigs that are based on its rig and whose logs are its
+own.
+"""
 
 from winchcascade.core.rig_toml import built_in_text
 

@@ -1,4 +1,6 @@
-"""Workbooks and MATLAB files read in the process of the test: a process of its own takes most of the time of a small file."""
+"""Workbooks and MATLAB files read in the process of the test: a process of its own takes most of
+the time of a small file.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -24,7 +26,9 @@ def open_mat(path: Path, *, table: str | None = None) -> LogSource:
 
 @contextmanager
 def readers_here() -> Iterator[None]:
-    """Within this context no file is read in a process of its own; `test_isolated.py` and others test that it is."""
+    """Within this context no file is read in a process of its own; `test_isolated.py` and others
+    test that it is.
+    """
     with pytest.MonkeyPatch.context() as changed:
         changed.setattr("winchcascade.ingest.isolated.read_isolated", _read_here)
         yield

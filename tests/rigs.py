@@ -40,7 +40,12 @@ def calibrated_rig() -> Rig:
 def own_model(truth: dict[str, Any]) -> Model:
     """The model of a labelled campaign without its hidden effect."""
     number, model = truth["rig"], baseline(built_in()).physics
-    gas = {"mu": number["mu_screw"], "area": number["area"], "pressure": number["p0"], "volume": number["v_gas"]}
+    gas = {
+        "mu": number["mu_screw"],
+        "area": number["area"],
+        "pressure": number["p0"],
+        "volume": number["v_gas"],
+    }
     model = with_part(model, "restoring", **gas)
     model = with_part(model, "drivetrain", eta_mesh=number["eta_gear"], b_rotor=number["b_visc"])
     model = with_part(model, "generator", k_e=number["ke_ll"], r_s=number["rs"], l_s=number["ls"])
@@ -86,7 +91,9 @@ def stage_outputs(run: Run, model: Model) -> tuple[StageOutput, ...]:
     """What each stage makes of its own inputs, the clutch as the model has it along the motion."""
     scale = scale_of(run)
     motion = motion_along(run, resolving(model, scale))
-    clutch = solve(model, motion, math.inf if run.load is None else run.load)[:, COLUMNS.index("clutch")]
+    clutch = solve(model, motion, math.inf if run.load is None else run.load)[
+        :, COLUMNS.index("clutch")
+    ]
     return outputs_along(run, model, along(run, motion, scale.ramp, clutch))
 
 
@@ -94,7 +101,9 @@ SENSORS = ("pressure", "force", "torque", "vdc", "idc")
 
 PLATEAU_SHARE = {"torque": 0.015, "vdc": 0.01, "idc": 0.01}
 ABSOLUTE = {"pressure": 0.1 * KGF * 1e4, "force": 20.0}
-"""Largest rms difference during payout: shares of the plateau; 0.1 kg/cm2; 20 N, which the tether's ringing sets."""
+"""Largest rms difference during payout: shares of the plateau; 0.1 kg/cm2; 20 N, which the
+tether's ringing sets.
+"""
 
 
 def assert_followed(run: Run, simulated: Run, gains: Mapping[str, float]) -> None:

@@ -18,7 +18,9 @@ WINDOW = {"r36ohm": 5.48, "r18ohm": 5.96}
 """Length of the integration window. [s]"""
 
 ENERGY = 0.005
-"""A complete cycle's energy is within this share of the clean log's: the rule by which bridging makes it incomplete."""
+"""A complete cycle's energy is within this share of the clean log's: the rule by which bridging
+makes it incomplete.
+"""
 
 
 @cache
@@ -58,5 +60,7 @@ def written(
     """Write rows as a log, perhaps without a column, and read it."""
     keep = [k for k in range(len(HEADERS)) if without is None or k != column(without)]
     path = folder / "log.csv"
-    np.savetxt(path, rows[:, keep], "%.9g", ",", header=",".join(HEADERS[k] for k in keep), comments="")
+    np.savetxt(
+        path, rows[:, keep], "%.9g", ",", header=",".join(HEADERS[k] for k in keep), comments=""
+    )
     return read_run(path, load=load)

@@ -1,4 +1,6 @@
-"""Rigs and logs in other units of nature: by similarity their reductions differ by factors alone."""
+"""Rigs and logs in other units of nature: by similarity their reductions differ by factors
+alone.
+"""
 
 from __future__ import annotations
 
@@ -43,17 +45,26 @@ class Nature(NamedTuple):
 
 def scaled_rig(rig: Rig, nature: Nature, *, stated: bool) -> Rig:
     """A rig in other units, with its thresholds or with none that has a dimension."""
-    parts = {name: _scaled(getattr(rig, name), kind, nature) for name, kind in PARTS.items() if name != "thresholds"}
+    parts = {
+        name: _scaled(getattr(rig, name), kind, nature)
+        for name, kind in PARTS.items()
+        if name != "thresholds"
+    }
     sizes = {
-        name: getattr(rig.thresholds, name) * nature.of(one.dimension) for name, one in measures(Thresholds).items()
+        name: getattr(rig.thresholds, name) * nature.of(one.dimension)
+        for name, one in measures(Thresholds).items()
     }
     sizes["rpm_bin"] = rig.thresholds.rpm_bin / nature.time
     thresholds = replace(rig.thresholds, **sizes if stated else dict.fromkeys(sizes, math.nan))
     sensors = {}
     for name, sensor in rig.sensors.items():
         factor = nature.of(CHANNELS[name].dimension)
-        ends = {key: getattr(sensor, key) for key in ("low", "high", "resolution", "accuracy", "u_zero")}
-        sensors[name] = replace(sensor, **{key: factor * value for key, value in ends.items() if value is not None})
+        ends = {
+            key: getattr(sensor, key) for key in ("low", "high", "resolution", "accuracy", "u_zero")
+        }
+        sensors[name] = replace(
+            sensor, **{key: factor * value for key, value in ends.items() if value is not None}
+        )
     return replace(rig, **parts, thresholds=thresholds, sensors=sensors)
 
 
@@ -72,6 +83,10 @@ def _scaled(part: Any, kind: type[msgspec.Struct], nature: Nature) -> Any:
     return replace(part, **scaled) if scaled else part
 
 
-def scaled_log(t: Signal, channels: Mapping[str, Signal], nature: Nature) -> tuple[Signal, dict[str, Signal]]:
+def scaled_log(
+    t: Signal, channels: Mapping[str, Signal], nature: Nature
+) -> tuple[Signal, dict[str, Signal]]:
     """Stamps and channels in other units."""
-    return t * nature.time, {name: x * nature.of(CHANNELS[name].dimension) for name, x in channels.items()}
+    return t * nature.time, {
+        name: x * nature.of(CHANNELS[name].dimension) for name, x in channels.items()
+    }

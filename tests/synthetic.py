@@ -1,7 +1,9 @@
-"""Logs of invented payouts with a noise-free truth, written from the contract alone and from no code of the package.
+"""Logs of invented payouts with a noise-free truth, written from the contract alone and from no
+code of the package.
 
-A `Scenario` becomes a `Motion` (exact velocity on a clock of 1 ms), the motion becomes `Signals` (exact channels), the
-signals become a log (sampled, noisy, rounded) and, by the contract's words, a `Truth`.
+A `Scenario` becomes a `Motion` (exact velocity on a clock of 1 ms), the motion becomes `Signals`
+(exact channels), the signals become a log (sampled, noisy, rounded) and, by the contract's words, a
+`Truth`.
 
 >>> scenario = SCENARIOS["smooth"]
 >>> log = make_log(scenario, np.random.default_rng(1))
@@ -35,15 +37,19 @@ ONSET_SPEED = 0.03
 SMOOTHING_SAMPLES, SMOOTHING_RATE = 15, 25.0
 """A local quadratic over 15 samples of 40 ms: 0.6 s."""
 REACH = 0.5 * SMOOTHING_SAMPLES / SMOOTHING_RATE + 0.05
-"""How far beyond a phase its smoothed threshold can lie [s]; what smoothing does farther away belongs to others."""
+"""How far beyond a phase its smoothed threshold can lie [s]; what smoothing does farther away
+belongs to others.
+"""
 
 
-# ------------------------------------------------------------------------------------------------ scenario and motion
+# ---------------------------------------------------------------------------- scenario and motion
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """What the crane does and how it is logged; SI units, ramps as (shape, seconds), payouts as (travel, speed).
+    """What the crane does and how it is logged; SI units, ramps as (shape, seconds), payouts as
+    (travel, speed).
 
-    `noise` and `zeros` scale the noise and the zero errors of all sensors; without noise a log is exact.
+    `noise` and `zeros` scale the noise and the zero errors of all sensors; without noise a log is
+    exact.
     """
 
     payouts: tuple[tuple[float, float], ...] = ((9.6, 0.86), (9.6, 0.85), (9.6, 0.83))
@@ -85,7 +91,9 @@ class Piece:
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """The stretch [s] that the crane means as one phase: where a threshold is looked for, never its instant."""
+    """The stretch [s] that the crane means as one phase: where a threshold is looked for, never
+    its instant.
+    """
 
     phase: Phase
     cycle: int
@@ -95,7 +103,9 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Noise-free motion: nodes 1 ms apart, farther apart only in long idling; t [s], x [m], v [m/s], a [m/s2]."""
+    """Noise-free motion: nodes 1 ms apart, farther apart only in long idling; t [s], x [m], v
+    [m/s], a [m/s2].
+    """
 
     t: Signal
     x: Signal
@@ -136,7 +146,9 @@ def minimum_jerk(v0: float, v1: float, seconds: float) -> Law:
 
     def law(s: Signal) -> tuple[Signal, Signal]:
         u = s / seconds
-        return v0 + (v1 - v0) * u**3 * (10 - 15 * u + 6 * u**2), (v1 - v0) / seconds * 30 * u**2 * (1 - u) ** 2
+        return v0 + (v1 - v0) * u**3 * (10 - 15 * u + 6 * u**2), (v1 - v0) / seconds * 30 * u**2 * (
+            1 - u
+        ) ** 2
 
     return law
 
@@ -161,10 +173,14 @@ RAMPS: Mapping[str, Callable[[float, float, float], Law]] = {
 
 
 def nodes(duration: float) -> Signal:
-    """Place the nodes of a piece, its end excluded [s]: 1 ms, and 1 s in the middle of a stretch above 60 s."""
+    """Place the nodes of a piece, its end excluded [s]: 1 ms, and 1 s in the middle of a stretch
+    above 60 s.
+    """
     if duration <= 60:
         return np.arange(round(duration / STEP), dtype=np.float64) * STEP
-    return np.concatenate((nodes(20.0), np.arange(20.0, duration - 20.0), duration - 20.0 + nodes(20.0)))
+    return np.concatenate(
+        (nodes(20.0), np.arange(20.0, duration - 20.0), duration - 20.0 + nodes(20.0))
+    )
 
 
 def travel(pieces: Sequence[Piece]) -> float:
@@ -187,7 +203,9 @@ def ramp(phase: Phase, cycle: int, shape: tuple[str, float], v0: float, v1: floa
 
 
 def interruption(scenario: Scenario, cycle: int, before: float, after: float) -> list[Piece]:
-    """Make the stop or the short reversal in mid-payout between two velocities [m/s], if there is one."""
+    """Make the stop or the short reversal in mid-payout between two velocities [m/s], if there
+    is one.
+    """
     if scenario.stop > 0:
         low, seconds = 0.0, scenario.stop
     elif scenario.reversal > 0:
@@ -213,7 +231,17 @@ def payout(scenario: Scenario, cycle: int, length: float, speed: float) -> list[
     if middle:
         flat += interruption(scenario, cycle, velocity_at(law, first), speed)
         flat.append(Piece("payout", cycle, law, round(seconds - first, 3)))
-    return [up, *flat, ramp("payout", cycle, scenario.brake, velocity_at(law, flat[-1].duration), scenario.creep_hold)]
+    return [
+        up,
+        *flat,
+        ramp(
+            "payout",
+            cycle,
+            scenario.brake,
+            velocity_at(law, flat[-1].duration),
+            scenario.creep_hold,
+        ),
+    ]
 
 
 def haul_in(scenario: Scenario, cycle: int, length: float) -> list[Piece]:
@@ -262,7 +290,9 @@ def moment(spans: Sequence[Span], place: Place) -> float:
 def join(pieces: Sequence[Piece]) -> Motion:
     """Put pieces on one clock and integrate the velocity."""
     starts = np.concatenate(([0.0], np.cumsum([piece.duration for piece in pieces])))
-    t = np.concatenate([start + nodes(piece.duration) for start, piece in zip(starts, pieces, strict=False)])
+    t = np.concatenate(
+        [start + nodes(piece.duration) for start, piece in zip(starts, pieces, strict=False)]
+    )
     laws = [piece.law(nodes(piece.duration)) for piece in pieces]
     v = np.concatenate([law[0] for law in laws])
     a = np.concatenate([law[1] for law in laws])
@@ -277,15 +307,26 @@ def motion(scenario: Scenario) -> Motion:
     end = moment(whole.spans, scenario.end) if scenario.end else float(whole.t[-1])
     inside = (whole.t > start - STEP / 2) & (whole.t < end + STEP / 2)
     shift = scenario.clock_start - start
-    spans = tuple(replace(span, start=span.start + shift, end=span.end + shift) for span in whole.spans)
+    spans = tuple(
+        replace(span, start=span.start + shift, end=span.end + shift) for span in whole.spans
+    )
     return Motion(whole.t[inside] + shift, whole.x[inside], whole.v[inside], whole.a[inside], spans)
 
 
-# ---------------------------------------------------------------------------------------------------- channels
+# --------------------------------------------------------------------------------------- channels
 R_DRUM, GEAR, LEAD, AREA, VOLUME = 0.13, 50.0, 0.010, 7850e-6, 4.0e-3
 KGCM2, ATMOSPHERE, PRECHARGE = 98066.5, 101325.0, 20.5
 ETA_SCREW_OUT, ETA_SCREW_IN, FRICTION_SPEED = 0.683, 0.540, 0.01
-K_E, R_S, L_S, DIODES, B_ROTOR, ETA_MESH, J_ROTOR, J_DRUM = 0.0620, 0.61, 3.35e-3, 1.4, 7.5e-4, 0.95, 6.26e-4, 0.3
+K_E, R_S, L_S, DIODES, B_ROTOR, ETA_MESH, J_ROTOR, J_DRUM = (
+    0.0620,
+    0.61,
+    3.35e-3,
+    1.4,
+    7.5e-4,
+    0.95,
+    6.26e-4,
+    0.3,
+)
 BLEEDER = 4500.0
 """What an open circuit is taken as [ohm]."""
 RUN_DOWN = 0.3
@@ -310,11 +351,15 @@ def rotor_speed(t: Signal, v: Signal) -> Signal:
     """Follow the drum or run down alone, whichever is faster; as line velocity [m/s]."""
     log_drum = np.log(np.maximum(v, 1e-9))
     start = t[0]
-    return np.asarray(np.exp(np.maximum.accumulate(log_drum + (t - start) / RUN_DOWN) - (t - start) / RUN_DOWN))
+    return np.asarray(
+        np.exp(np.maximum.accumulate(log_drum + (t - start) / RUN_DOWN) - (t - start) / RUN_DOWN)
+    )
 
 
 def electrical(u: Signal, load: float) -> tuple[Signal, Signal]:
-    """Give Vdc [V] and Idc [A] of the textbook bridge at a rotor speed [m/s of line]; inf ohm is the bleeder alone."""
+    """Give Vdc [V] and Idc [A] of the textbook bridge at a rotor speed [m/s of line]; inf ohm is
+    the bleeder alone.
+    """
     load = min(load, BLEEDER)
     omega = GEAR * u / R_DRUM
     source = np.maximum(1.35 * K_E * omega * 30 / np.pi - DIODES, 0.0)
@@ -331,7 +376,9 @@ def gas_force(pressure: Signal, v: Signal) -> Signal:
 
 
 def shaft_torque(v: Signal, a: Signal, u: Signal, idc: Signal) -> Signal:
-    """Give the torque behind the clutch [N m]: none while the rotor overruns, fading with the drum's slowing."""
+    """Give the torque behind the clutch [N m]: none while the rotor overruns, fading with the
+    drum's slowing.
+    """
     generator = 1.35 * K_E * 30 / np.pi * idc + B_ROTOR * GEAR * u / R_DRUM
     fading = np.clip(1 + RUN_DOWN * np.minimum(a, 0) / np.maximum(v, 1e-6), 0, 1)
     inertia = GEAR * J_ROTOR / R_DRUM * np.maximum(a, 0)
@@ -341,18 +388,26 @@ def shaft_torque(v: Signal, a: Signal, u: Signal, idc: Signal) -> Signal:
 
 def signals(moved: Motion, load: float) -> Signals:
     """Derive the channels of the rig from its motion."""
-    gas = (PRECHARGE * KGCM2 + ATMOSPHERE) * VOLUME / (VOLUME - AREA * LEAD * moved.x / (2 * np.pi * R_DRUM))
+    gas = (
+        (PRECHARGE * KGCM2 + ATMOSPHERE)
+        * VOLUME
+        / (VOLUME - AREA * LEAD * moved.x / (2 * np.pi * R_DRUM))
+    )
     u = rotor_speed(moved.t, moved.v)
     vdc, idc = electrical(u, load)
     torque = shaft_torque(moved.v, moved.a, u, idc)
     force = gas_force(gas - ATMOSPHERE, moved.v) + torque / R_DRUM + J_DRUM / R_DRUM**2 * moved.a
-    return Signals(moved.t, moved.x, moved.v, gas - ATMOSPHERE, np.maximum(force, 0), torque, vdc, idc)
+    return Signals(
+        moved.t, moved.x, moved.v, gas - ATMOSPHERE, np.maximum(force, 0), torque, vdc, idc
+    )
 
 
-# ---------------------------------------------------------------------------------------------------- the log
+# ---------------------------------------------------------------------------------------- the log
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """A column: header, unit [SI per unit], noise, zero error (both one standard deviation), resolution, decimals."""
+    """A column: header, unit [SI per unit], noise, zero error (both one standard deviation),
+    resolution, decimals.
+    """
 
     header: str
     unit: float
@@ -425,7 +480,7 @@ def write_csv(log: Log, path: Path) -> None:
     np.savetxt(path, table, fmt=formats, delimiter=",", header=header, comments="")
 
 
-# ---------------------------------------------------------------------------------------------------- the truth
+# -------------------------------------------------------------------------------------- the truth
 METRICS = (
     *("energy_line_j", "energy_mech_j", "energy_gen_j"),
     *("power_line_w", "power_mech_w", "power_gen_w"),
@@ -437,7 +492,9 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class CycleTruth:
-    """One cycle by the contract's words; instants on the log's clock [s], metrics as in the JSON."""
+    """One cycle by the contract's words; instants on the log's clock [s], metrics as in the
+    JSON.
+    """
 
     complete: bool
     payout: Interval
@@ -486,7 +543,9 @@ def detection(exact: Signals, *, smoothed: bool) -> Detection:
 
 
 def first_above(t: Signal, y: Signal, level: float, low: float, high: float) -> float | None:
-    """Give the first instant in [low, high] at which y is above a level, interpolated; None if it never is."""
+    """Give the first instant in [low, high] at which y is above a level, interpolated; None if
+    it never is.
+    """
     above = np.flatnonzero((t >= low) & (t <= high) & (y > level))
     if above.size == 0:
         return None
@@ -497,7 +556,9 @@ def first_above(t: Signal, y: Signal, level: float, low: float, high: float) -> 
 
 
 def last_above(t: Signal, y: Signal, level: float, low: float, high: float) -> float | None:
-    """Give the last instant in [low, high] at which y is above a level, interpolated; None if it never is."""
+    """Give the last instant in [low, high] at which y is above a level, interpolated; None if it
+    never is.
+    """
     mirrored = first_above(-t[::-1], y[::-1], level, -high, -low)
     return None if mirrored is None else -mirrored
 
@@ -514,12 +575,16 @@ def plateau(seen: Detection, start: float, end: float) -> tuple[float, Interval 
         if right - left > 1 and t[right - 1] - t[left + 1] >= 0.2 - STEP / 2:
             begin = t[left + 1]
             if left >= 0:
-                begin = t[left] + (0.98 * speed - v[left]) / (v[left + 1] - v[left]) * (t[left + 1] - t[left])
+                begin = t[left] + (0.98 * speed - v[left]) / (v[left + 1] - v[left]) * (
+                    t[left + 1] - t[left]
+                )
             return speed, (float(begin), float(t[~low][-1]))
     return speed, None
 
 
-def cutoff(rule: Rule, onset: float, end: float, flat: Interval | None, log_end: float) -> tuple[float, bool]:
+def cutoff(
+    rule: Rule, onset: float, end: float, flat: Interval | None, log_end: float
+) -> tuple[float, bool]:
     """Give the window's end by a rule [s], and whether the log shows it."""
     if rule == "payout":
         return end, end < log_end - STEP / 2
@@ -563,7 +628,11 @@ def metrics(exact: Signals, window: Interval, *, open_circuit: bool) -> Metrics:
 
 
 def summarise(
-    exact: Signals, out: Interval, hold: Interval | None, haul: Interval | None, flat: Interval | None
+    exact: Signals,
+    out: Interval,
+    hold: Interval | None,
+    haul: Interval | None,
+    flat: Interval | None,
 ) -> dict[str, dict[str, float]]:
     """Give the numbers of the JSON's phase summary, `plateau` beside the phases."""
     t, v = exact.t, exact.velocity
@@ -575,8 +644,14 @@ def summarise(
         means |= {f"power_{name}_w": power for name, power in powers(exact).items()}
         summary["plateau"] = {name: time_mean(t, y, flat) for name, y in means.items()}
     if hold:
-        means = {"force_n": exact.force, "torque_nm": exact.torque, "pressure_kgcm2": exact.pressure / KGCM2}
-        summary["hold"] = {"duration_s": hold[1] - hold[0]} | {n: time_mean(t, y, hold) for n, y in means.items()}
+        means = {
+            "force_n": exact.force,
+            "torque_nm": exact.torque,
+            "pressure_kgcm2": exact.pressure / KGCM2,
+        }
+        summary["hold"] = {"duration_s": hold[1] - hold[0]} | {
+            n: time_mean(t, y, hold) for n, y in means.items()
+        }
     if haul:
         inside = (t >= haul[0]) & (t <= haul[1])
         summary["haul_in"] = {
@@ -589,7 +664,9 @@ def summarise(
     return summary
 
 
-def later_phases(seen: Detection, end: float, back: Span) -> tuple[Interval | None, Interval | None]:
+def later_phases(
+    seen: Detection, end: float, back: Span
+) -> tuple[Interval | None, Interval | None]:
     """Give hold and haul-in after a payout's end, as far as the log goes [s]."""
     log_end = float(seen.t[-1])
     low, high = max(end, back.start - REACH), back.end + REACH
@@ -600,8 +677,12 @@ def later_phases(seen: Detection, end: float, back: Span) -> tuple[Interval | No
     return (end, start), (start, stop)
 
 
-def cycle_truth(exact: Signals, seen: Detection, out: Span, back: Span, rule: Rule, load: float) -> CycleTruth | None:
-    """Apply the contract to one payout that the crane meant; None if the log shows nothing of it."""
+def cycle_truth(
+    exact: Signals, seen: Detection, out: Span, back: Span, rule: Rule, load: float
+) -> CycleTruth | None:
+    """Apply the contract to one payout that the crane meant; None if the log shows nothing of
+    it.
+    """
     log_start, log_end = float(exact.t[0]), float(exact.t[-1])
     onset = first_above(seen.t, seen.v, ONSET_SPEED, out.start - REACH, out.end)
     end = last_above(seen.t, seen.v, ONSET_SPEED, out.start, out.end + REACH)
@@ -614,7 +695,9 @@ def cycle_truth(exact: Signals, seen: Detection, out: Span, back: Span, rule: Ru
     values = metrics(exact, (onset, stop), open_circuit=np.isinf(load))
     summary = summarise(exact, (onset, end), hold, haul, flat)
     complete = shown and onset > log_start
-    return CycleTruth(complete, (onset, end), hold, haul, flat, speed, (onset, stop), values, summary)
+    return CycleTruth(
+        complete, (onset, end), hold, haul, flat, speed, (onset, stop), values, summary
+    )
 
 
 def spread(cycles: Sequence[CycleTruth]) -> tuple[Metrics, Metrics]:
@@ -622,7 +705,10 @@ def spread(cycles: Sequence[CycleTruth]) -> tuple[Metrics, Metrics]:
     mean: dict[str, float | None] = {}
     deviation: dict[str, float | None] = {}
     for name in METRICS:
-        values = np.array([c.metrics[name] for c in cycles if c.complete and c.metrics[name] is not None], dtype=float)
+        values = np.array(
+            [c.metrics[name] for c in cycles if c.complete and c.metrics[name] is not None],
+            dtype=float,
+        )
         mean[name] = float(values.mean()) if values.size else None
         far = float(np.abs(values / values.mean() - 1).max() * 100) if values.size > 1 else None
         deviation[name] = far
@@ -635,15 +721,17 @@ def truth(scenario: Scenario, *, rule: Rule = "auto", smoothed: bool = False) ->
     Parameters
     ----------
     rule : `auto`, `payout`, or the length of a fixed window [s]
-    smoothed : thresholds on the smoothed 25 Hz velocity as the contract says, else on the exact velocity; energies are
-        integrals of the exact signals in both
+    smoothed : thresholds on the smoothed 25 Hz velocity as the contract says, else on the exact
+        velocity; energies are integrals of the exact signals in both
     """
     moved = motion(scenario)
     exact = signals(moved, scenario.load)
     seen = detection(exact, smoothed=smoothed)
     spans = {(span.phase, span.cycle): span for span in moved.spans}
     found = (
-        cycle_truth(exact, seen, spans["payout", cycle], spans["haul_in", cycle], rule, scenario.load)
+        cycle_truth(
+            exact, seen, spans["payout", cycle], spans["haul_in", cycle], rule, scenario.load
+        )
         for cycle in range(len(scenario.payouts))
     )
     cycles = tuple(cycle for cycle in found if cycle is not None)
@@ -655,12 +743,18 @@ BASE = Scenario()
 SCENARIOS: Mapping[str, Scenario] = {
     "smooth": BASE,
     "minimum_jerk": replace(BASE, ramp=("minimum_jerk", 3.0), brake=("minimum_jerk", 1.0)),
-    "linear_ramp": replace(BASE, ramp=("linear", 2.0), brake=("linear", 0.8), haul_ramp=("linear", 1.0)),
-    "steep_linear": replace(BASE, ramp=("linear", 0.5), brake=("linear", 0.3), haul_ramp=("linear", 0.4)),
+    "linear_ramp": replace(
+        BASE, ramp=("linear", 2.0), brake=("linear", 0.8), haul_ramp=("linear", 1.0)
+    ),
+    "steep_linear": replace(
+        BASE, ramp=("linear", 0.5), brake=("linear", 0.3), haul_ramp=("linear", 0.4)
+    ),
     "lag_ramp": replace(BASE, ramp=("lag", 6.4), brake=("lag", 2.4), window=6.0),
     "slow_ramp": replace(BASE, ramp=("smoothstep", 6.0), window=7.0),
     "slow_linear_ramp": replace(BASE, ramp=("linear", 6.0), window=7.0),
-    "heavy_load": replace(BASE, payouts=((9.6, 0.32), (9.6, 0.31), (9.6, 0.33)), load=4.5, window=5.96),
+    "heavy_load": replace(
+        BASE, payouts=((9.6, 0.32), (9.6, 0.31), (9.6, 0.33)), load=4.5, window=5.96
+    ),
     "open_circuit": replace(BASE, payouts=((9.6, 0.95),) * 3, load=float("inf")),
     "creep": replace(BASE, creep_rest=0.015, creep_hold=0.02, rest=8.0),
     "creep_back": replace(BASE, creep_rest=-0.01, creep_hold=-0.015),
@@ -672,7 +766,9 @@ SCENARIOS: Mapping[str, Scenario] = {
     "wavy_3_percent": replace(BASE, wave=0.03, wave_period=4.0),
     "wavy_3_percent_falling": replace(BASE, wave=-0.03, wave_period=4.0),
     "idle_for_hours": replace(BASE, payouts=((9.6, 0.85), (9.6, 0.84)), idle=2 * 3600.0),
-    "creep_for_hours": replace(BASE, payouts=((9.6, 0.85), (9.6, 0.84)), idle=3600.0, creep_rest=0.0004),
+    "creep_for_hours": replace(
+        BASE, payouts=((9.6, 0.85), (9.6, 0.84)), idle=3600.0, creep_rest=0.0004
+    ),
     "starts_in_payout": replace(BASE, begin=("payout", 0, 0.5)),
     "starts_in_hold": replace(BASE, begin=("hold", 0, 0.5)),
     "starts_in_haul_in": replace(BASE, begin=("haul_in", 0, 0.4)),
@@ -680,8 +776,12 @@ SCENARIOS: Mapping[str, Scenario] = {
     "ends_in_payout": replace(BASE, end=("payout", 2, 0.6)),
     "ends_in_hold": replace(BASE, end=("hold", 2, 0.5)),
     "ends_in_haul_in": replace(BASE, end=("haul_in", 2, 0.5)),
-    "differing_travel": replace(BASE, payouts=((9.6, 0.85), (6.5, 0.80), (8.0, 0.9), (9.9, 0.7)), window=4.5),
-    "aborted_payout": replace(BASE, payouts=((9.6, 0.85), (2.0, 0.6), (9.6, 0.84)), ramp=("smoothstep", 2.0)),
+    "differing_travel": replace(
+        BASE, payouts=((9.6, 0.85), (6.5, 0.80), (8.0, 0.9), (9.9, 0.7)), window=4.5
+    ),
+    "aborted_payout": replace(
+        BASE, payouts=((9.6, 0.85), (2.0, 0.6), (9.6, 0.84)), ramp=("smoothstep", 2.0)
+    ),
     "short_hold_and_rest": replace(BASE, hold=1.2, rest=1.5),
     "ten_hertz": replace(BASE, rate=10.0),
     "hundred_hertz": replace(BASE, rate=100.0),
@@ -691,7 +791,14 @@ SCENARIOS: Mapping[str, Scenario] = {
     "exact": replace(BASE, noise=0.0),
     "one_cycle": replace(BASE, payouts=((9.6, 0.85),)),
     "everything": replace(
-        BASE, creep_rest=0.01, creep_hold=-0.015, wave=0.02, reversal=0.2, jitter=0.2, noise=1.5, load=18.0
+        BASE,
+        creep_rest=0.01,
+        creep_hold=-0.015,
+        wave=0.02,
+        reversal=0.2,
+        jitter=0.2,
+        noise=1.5,
+        load=18.0,
     ),
     "late_clock": replace(BASE, clock_start=1000.0),
 }

@@ -18,18 +18,29 @@ LOGS = {"LOGS": "fixtures/campaign/r9*.csv\nfixtures/damaged_logs/dropouts.csv\n
 
 
 def test_the_inputs_are_those_of_the_action() -> None:
-    inputs = re.findall(r"^  (\w+):\n    description: [^\n]*\n    default: (\S*)$", ACTION, re.MULTILINE)
+    inputs = re.findall(
+        r"^  (\w+):\n    description: [^\n]*\n    default: (\S*)$", ACTION, re.MULTILINE
+    )
     page = read(PAGE)
     rows = re.findall(r"^\| `(\w+)` \| (?:`([^`]*)` )?\| ", page, re.MULTILINE)
     assert rows == [(name, default.strip('"')) for name, default in inputs]
-    used = {key for step in steps(PAGE) if step.kind == "yaml" for key in re.findall(r"^ {10}(\w+):", step.text, re.M)}
+    used = {
+        key
+        for step in steps(PAGE)
+        if step.kind == "yaml"
+        for key in re.findall(r"^ {10}(\w+):", step.text, re.M)
+    }
     assert used - {"path", "name", "key"} <= {name for name, _ in inputs}
 
 
 def act(place: Path, **inputs: str) -> subprocess.CompletedProcess[str]:
     """Run the action's last step as GitHub runs it."""
     script = textwrap.dedent(ACTION[ACTION.rindex("run: |\n") + len("run: |\n") :])
-    given = dict.fromkeys(("CAMPAIGN", "TABLE", "LOGS", "ARGUMENTS"), "") | {"RESULTS": "found here"} | inputs
+    given = (
+        dict.fromkeys(("CAMPAIGN", "TABLE", "LOGS", "ARGUMENTS"), "")
+        | {"RESULTS": "found here"}
+        | inputs
+    )
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     return subprocess.run(
         ["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", script],
@@ -42,7 +53,10 @@ def act(place: Path, **inputs: str) -> subprocess.CompletedProcess[str]:
     [
         pytest.param(CHECK, 0, ["check.xml"], id="check", marks=pytest.mark.slow),
         pytest.param(
-            CHECK | {"ARGUMENTS": "--tolerance deviation=0 --tolerance uncertainty=0"}, 1, ["check.xml"], id="a miss"
+            CHECK | {"ARGUMENTS": "--tolerance deviation=0 --tolerance uncertainty=0"},
+            1,
+            ["check.xml"],
+            id="a miss",
         ),
         pytest.param(LOGS, 0, ["batch/campaign.json"], id="logs", marks=pytest.mark.slow),
         pytest.param(
@@ -54,7 +68,11 @@ def act(place: Path, **inputs: str) -> subprocess.CompletedProcess[str]:
         ),
         pytest.param(CHECK | LOGS, 0, ["check.xml", "batch/campaign.json"], id="both"),
         pytest.param(
-            CHECK | LOGS | {"ARGUMENTS": "--window 5.48"}, 2, [], id="both with a window", marks=pytest.mark.slow
+            CHECK | LOGS | {"ARGUMENTS": "--window 5.48"},
+            2,
+            [],
+            id="both with a window",
+            marks=pytest.mark.slow,
         ),
         pytest.param(
             {"LOGS": "fixtures/damaged_logs/*.csv"},

@@ -21,7 +21,9 @@ LAYERS = (
     {"batch"},
     {"cli"},
 )
-"""Packages from the lowest to the highest layer: a package imports itself and the layers below its own."""
+"""Packages from the lowest to the highest layer: a package imports itself and the layers below
+its own.
+"""
 
 ENTRY_POINTS = {"__init__.py", "__main__.py"}
 """Modules of the top level: the public names and `python -m winchcascade`."""
@@ -74,14 +76,22 @@ def test_a_package_imports_only_from_the_layers_below_its_own() -> None:
 
 
 def test_no_modules_import_each_other_in_a_circle() -> None:
-    names = {".".join(("winchcascade", *path.relative_to(PACKAGE).with_suffix("").parts)): path for path in FILES}
-    graph = {name: {other for other in imported(path) if other in names} - {name} for name, path in names.items()}
+    names = {
+        ".".join(("winchcascade", *path.relative_to(PACKAGE).with_suffix("").parts)): path
+        for path in FILES
+    }
+    graph = {
+        name: {other for other in imported(path) if other in names} - {name}
+        for name, path in names.items()
+    }
     TopologicalSorter(graph).prepare()
 
 
 def test_the_picture_of_the_layers_is_drawn_from_the_present_imports() -> None:
     docs = PACKAGE.parent / "docs"
-    assert runpy.run_path(str(docs / "layers.py"))["picture"]() == (docs / "layers.svg").read_text(encoding="utf-8")
+    assert runpy.run_path(str(docs / "layers.py"))["picture"]() == (docs / "layers.svg").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_no_two_modules_share_a_name() -> None:
@@ -95,24 +105,42 @@ def test_only_the_command_line_prints_and_uses_typer() -> None:
             source = path.read_text(encoding="utf-8")
             assert "typer" not in source, path
             calls = [n for n in nodes_of(path) if isinstance(n, ast.Call)]
-            assert not any(isinstance(c.func, ast.Name) and c.func.id == "print" for c in calls), path
+            assert not any(isinstance(c.func, ast.Name) and c.func.id == "print" for c in calls), (
+                path
+            )
 
 
 def test_no_report_reads_the_package_s_own_sentences_by_a_pattern() -> None:
-    """Results come as data, of which `report` alone makes sentences; patterns are for texts that others wrote."""
+    """Results come as data, of which `report` alone makes sentences; patterns are for texts that
+    others wrote.
+    """
     for path in sorted((PACKAGE / "report").glob("*.py")):
         if path.stem not in PATTERNS:
-            names = {alias.name for node in nodes_of(path) if isinstance(node, ast.Import) for alias in node.names}
-            assert "re" not in names, f"{path.name}: read a field of the result in place of its sentence"
+            names = {
+                alias.name
+                for node in nodes_of(path)
+                if isinstance(node, ast.Import)
+                for alias in node.names
+            }
+            assert "re" not in names, (
+                f"{path.name}: read a field of the result in place of its sentence"
+            )
 
 
 IMPORT = re.compile(r"^[ >.]*from (winchcascade[\w.]*) import ([\w, ]+)", re.MULTILINE)
-"""An import in a page, or in a text that a script gives another process: neither mypy nor ruff reads those."""
+"""An import in a page, or in a text that a script gives another process: neither mypy nor ruff
+reads those.
+"""
 
 
 def test_what_pages_and_scripts_import_exists() -> None:
     root = PACKAGE.parent
-    files = [*(root / "benchmarks").glob("*.py"), *(root / "docs").glob("*.md"), *root.glob("*.md"), root / ".ci/run"]
+    files = [
+        *(root / "benchmarks").glob("*.py"),
+        *(root / "docs").glob("*.md"),
+        *root.glob("*.md"),
+        root / ".ci/run",
+    ]
     for path in sorted(files):
         for module, names in IMPORT.findall(path.read_text(encoding="utf-8")):
             found = importlib.import_module(module)

@@ -26,7 +26,10 @@ def test_a_simulation_beside_a_log_is_found_relative_to_the_campaign(tmp_path: P
     (tmp_path / "campaign.toml").write_text(
         '[[run]]\nfile = "a.csv"\nsimulated = "own/a.mat"\n[[run]]\nfile = "b.csv"\n'
     )
-    assert [run.simulated for run in load_campaign(tmp_path).runs] == [tmp_path / "own" / "a.mat", None]
+    assert [run.simulated for run in load_campaign(tmp_path).runs] == [
+        tmp_path / "own" / "a.mat",
+        None,
+    ]
 
 
 def test_a_log_that_no_campaign_lists_stands_alone(tmp_path: Path) -> None:
@@ -50,7 +53,9 @@ RUN ranges_s = [[3, 2]] @ run 1: ranges_s
 """
 
 
-def test_a_wrong_entry_is_one_sentence_with_its_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_wrong_entry_is_one_sentence_with_its_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def read(text: str, where: str) -> object:
         Path(where).write_text(text)
         return load_campaign(Path(where))
@@ -60,7 +65,9 @@ def test_a_wrong_entry_is_one_sentence_with_its_place(tmp_path: Path, monkeypatc
     assert rejections(read, CampaignError, cases) == []
 
 
-def test_a_folder_without_a_campaign_is_reported_with_the_command_that_drafts_one(tmp_path: Path) -> None:
+def test_a_folder_without_a_campaign_is_reported_with_the_command_that_drafts_one(
+    tmp_path: Path,
+) -> None:
     with pytest.raises(CampaignError, match=f"winchcascade init {re.escape(str(tmp_path))}"):
         load_campaign(tmp_path)
     with pytest.raises(CampaignError, match="cannot be read"):
@@ -69,7 +76,8 @@ def test_a_folder_without_a_campaign_is_reported_with_the_command_that_drafts_on
 
 def test_a_log_in_place_of_a_campaign_is_reported(fixtures: Path) -> None:
     with pytest.raises(
-        CampaignError, match=r"r36ohm\.csv: is no campaign; expected a campaign\.toml that lists the logs"
+        CampaignError,
+        match=r"r36ohm\.csv: is no campaign; expected a campaign\.toml that lists the logs",
     ):
         load_campaign(fixtures / "campaign" / "r36ohm.csv")
 
@@ -101,7 +109,8 @@ def test_a_withheld_log_must_not_be_listed_again(
     with pytest.raises(CampaignError) as fault:
         load_campaign(path)
     held = 1 if "withheld" in one else 2
-    assert f"runs 1 ({first}) and 2 ({Path(second).name}) are the same log, and run {held} is withheld" in str(
-        fault.value
+    assert (
+        f"runs 1 ({first}) and 2 ({Path(second).name}) are the same log, and run {held} is withheld"
+        in str(fault.value)
     )
     assert f"Remove run {3 - held}" in str(fault.value)

@@ -1,4 +1,6 @@
-"""The command line as a user meets it: called in this process, and in one of its own where that is what is tested."""
+"""The command line as a user meets it: called in this process, and in one of its own where that
+is what is tested.
+"""
 
 import json
 import os
@@ -35,7 +37,9 @@ def winchcascade(
     return subprocess.CompletedProcess([*map(str, arguments)], called.code, called.out, called.err)
 
 
-def started(*arguments: str | Path, cwd: Path | None = None, **environment: str) -> subprocess.CompletedProcess[str]:
+def started(
+    *arguments: str | Path, cwd: Path | None = None, **environment: str
+) -> subprocess.CompletedProcess[str]:
     """Start the command line in a process of its own."""
     return subprocess.run(
         [sys.executable, "-m", "winchcascade", *map(str, arguments)],
@@ -61,7 +65,9 @@ def one_sentence(*arguments: str | Path, cwd: Path | None = None) -> str:
 
 @pytest.fixture
 def log(fixtures: Path, tmp_path: Path) -> Path:
-    """A log on its own, without the campaign beside it, in a folder with a blank and other letters in its name."""
+    """A log on its own, without the campaign beside it, in a folder with a blank and other
+    letters in its name.
+    """
     folder = tmp_path / "mes essais 測試"
     folder.mkdir()
     return Path(shutil.copy(fixtures / "campaign" / "r36ohm.csv", folder / "run 1 é.csv"))
@@ -76,11 +82,16 @@ def test_every_command_has_help(command: list[str]) -> None:
 
 def test_the_version_names_what_matters() -> None:
     first, *packages = winchcascade("--version").stdout.splitlines()
-    assert first == f"winchcascade {__version__} (Python {platform.python_version()}, {platform.platform()})"
+    assert (
+        first == f"winchcascade {__version__} (Python {platform.python_version()}, "
+        f"{platform.platform()})"
+    )
     assert packages == [f"{name} {version(name)}" for name in MATTERING]
 
 
-@pytest.mark.parametrize("by", ["KeyboardInterrupt", "RuntimeError('made') from KeyboardInterrupt()"])
+@pytest.mark.parametrize(
+    "by", ["KeyboardInterrupt", "RuntimeError('made') from KeyboardInterrupt()"]
+)
 @pytest.mark.parametrize("at", ["typer", "winchcascade.cli.reduce_command", "numpy"])
 def test_an_interrupt_of_an_import_is_one_sentence(at: str, by: str) -> None:
     code = (
@@ -92,7 +103,9 @@ def test_an_interrupt_of_an_import_is_one_sentence(at: str, by: str) -> None:
         "from winchcascade.cli.entry import main\n"
         "main()"
     )
-    done = subprocess.run([sys.executable, "-c", code, "reduce", "x.csv"], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", code, "reduce", "x.csv"], capture_output=True, text=True, check=False
+    )
     assert (done.returncode, done.stdout) == (130, "")
     assert done.stderr == "winchcascade: interrupted; no file was left half-written.\n"
 
@@ -129,11 +142,19 @@ def test_json_on_stdout_is_json_alone(log: Path) -> None:
 
 
 def test_json_and_parquet_are_written_where_asked(log: Path, tmp_path: Path) -> None:
-    done = winchcascade("reduce", log, "--json", tmp_path / "out.json", "--parquet", tmp_path / "tables")
+    done = winchcascade(
+        "reduce", log, "--json", tmp_path / "out.json", "--parquet", tmp_path / "tables"
+    )
     assert done.returncode == 0
     assert json.loads((tmp_path / "out.json").read_text())["schema"] == "winchcascade/reduction/1"
-    assert sorted(p.name.split(".")[-2] for p in (tmp_path / "tables").iterdir()) == ["bins", "cycles", "findings"]
-    assert winchcascade("reduce", log, "--json", tmp_path / "out.json").returncode == 0  # its own file is replaced
+    assert sorted(p.name.split(".")[-2] for p in (tmp_path / "tables").iterdir()) == [
+        "bins",
+        "cycles",
+        "findings",
+    ]
+    assert (
+        winchcascade("reduce", log, "--json", tmp_path / "out.json").returncode == 0
+    )  # its own file is replaced
 
 
 def test_the_load_is_never_inferred(log: Path) -> None:
@@ -143,7 +164,9 @@ def test_the_load_is_never_inferred(log: Path) -> None:
 
 
 def test_what_options_leave_open_comes_from_the_campaign_beside_the_log(fixtures: Path) -> None:
-    record = json.loads(winchcascade("reduce", fixtures / "campaign" / "r18ohm.csv", "--json", "-").stdout)
+    record = json.loads(
+        winchcascade("reduce", fixtures / "campaign" / "r18ohm.csv", "--json", "-").stdout
+    )
     assert record["log"]["load_ohm"] == 18.0
     assert record["log"]["load_source"] == "campaign.toml"
     assert record["window"] == 5.96
@@ -151,7 +174,9 @@ def test_what_options_leave_open_comes_from_the_campaign_beside_the_log(fixtures
 
 def test_options_win_over_the_campaign(fixtures: Path) -> None:
     arguments = ("--json", "-", "--load-ohm", "20", "--window", "auto")
-    record = json.loads(winchcascade("reduce", fixtures / "campaign" / "r18ohm.csv", *arguments).stdout)
+    record = json.loads(
+        winchcascade("reduce", fixtures / "campaign" / "r18ohm.csv", *arguments).stdout
+    )
     assert (record["log"]["load_ohm"], record["window"]) == (20.0, "auto")
 
 
@@ -187,7 +212,9 @@ def test_an_empty_file_is_reported(tmp_path: Path) -> None:
 
 def test_a_log_without_a_payout_is_reported(tmp_path: Path) -> None:
     rows = "\n".join(f"{0.04 * k:.2f},0.0,0.0,200.0" for k in range(500))
-    (tmp_path / "rest.csv").write_text("Time (s),Displacement (m),Velocity (m/s),Force (N)\n" + rows + "\n")
+    (tmp_path / "rest.csv").write_text(
+        "Time (s),Displacement (m),Velocity (m/s),Force (N)\n" + rows + "\n"
+    )
     assert "no payout found" in one_sentence("reduce", tmp_path / "rest.csv", "--json", "-")
 
 
@@ -206,7 +233,9 @@ def test_a_broken_campaign_beside_the_log_is_reported(log: Path) -> None:
         (("--json", "no/such/folder/out.json"), "does not exist"),
     ],
 )
-def test_an_option_that_cannot_be_used_is_reported(log: Path, arguments: tuple[str, ...], says: str) -> None:
+def test_an_option_that_cannot_be_used_is_reported(
+    log: Path, arguments: tuple[str, ...], says: str
+) -> None:
     assert says in one_sentence("reduce", log, *arguments)
 
 
@@ -258,7 +287,9 @@ def test_a_log_is_never_replaced_by_its_result(log: Path) -> None:
 def test_a_rig_file_is_never_replaced_by_a_result(log: Path, tmp_path: Path) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text('based_on = "hsu2026"\n')
-    assert "is an input of this command" in one_sentence("reduce", log, "--rig", rig, "--json", rig, "--force")
+    assert "is an input of this command" in one_sentence(
+        "reduce", log, "--rig", rig, "--json", rig, "--force"
+    )
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
@@ -291,7 +322,14 @@ def test_a_name_that_is_too_long_is_reported() -> None:
 
 def test_a_rejected_log_leaves_no_file_behind(tmp_path: Path) -> None:
     (tmp_path / "bad.csv").write_text("name,colour\nanchor,red\n")
-    one_sentence("reduce", tmp_path / "bad.csv", "--json", tmp_path / "out.json", "--parquet", tmp_path / "tables")
+    one_sentence(
+        "reduce",
+        tmp_path / "bad.csv",
+        "--json",
+        tmp_path / "out.json",
+        "--parquet",
+        tmp_path / "tables",
+    )
     assert [p.name for p in tmp_path.iterdir()] == ["bad.csv"]
 
 
@@ -301,7 +339,9 @@ def test_rig_prints_a_built_in_rig_file(name: str) -> None:
 
 
 def test_a_mistyped_command_is_answered_with_the_nearest_name() -> None:
-    assert one_sentence("redce").endswith("Did you mean 'reduce'? --help lists what a command takes.\n")
+    assert one_sentence("redce").endswith(
+        "Did you mean 'reduce'? --help lists what a command takes.\n"
+    )
 
 
 def test_a_rig_that_is_not_built_in_is_reported() -> None:
@@ -335,12 +375,18 @@ def test_what_trips_over_an_interrupt_is_an_interrupt(
 
 @pytest.mark.parametrize("others", [["b.csv"], ["b.csv", "c d.csv"]])
 def test_several_logs_of_one_reduction_lead_to_a_batch_of_them(others: list[str]) -> None:
-    assert f"winchcascade batch {shlex.join(['a.csv', *others])}" in one_sentence("reduce", "a.csv", *others)
+    assert f"winchcascade batch {shlex.join(['a.csv', *others])}" in one_sentence(
+        "reduce", "a.csv", *others
+    )
 
 
 def test_the_help_lists_options_in_their_groups() -> None:
     lines = winchcascade("diagnose", "--help", COLUMNS="80").stdout.splitlines()
-    groups = [line.rstrip(":") for line in lines if line and line[0] != " " and not line.startswith("Usage")]
+    groups = [
+        line.rstrip(":")
+        for line in lines
+        if line and line[0] != " " and not line.startswith("Usage")
+    ]
     assert groups == ["Arguments", "Input", "Evaluation", "Outputs", "Other"]
     assert max(map(len, lines)) <= 80
 
@@ -348,12 +394,25 @@ def test_the_help_lists_options_in_their_groups() -> None:
 def test_options_are_read_before_long_work_and_nothing_is_written_through_a_link(
     tmp_path: Path, fixtures: Path
 ) -> None:
-    for wrong in ("--loads nan", "--loads inf", "--speeds -1", "--current-limit nan", "--motion /dev/zero"):
+    for wrong in (
+        "--loads nan",
+        "--loads inf",
+        "--speeds -1",
+        "--current-limit nan",
+        "--motion /dev/zero",
+    ):
         assert call("design", fixtures / "campaign", *wrong.split(), patience=5).code == 2, wrong
-    assert call(*"plan hsu2026 --loads 9 --speeds 1 --length 1e9 --uncertainty eta_pto=0.01".split()).code == 2
+    assert (
+        call(
+            *"plan hsu2026 --loads 9 --speeds 1 --length 1e9 --uncertainty eta_pto=0.01".split()
+        ).code
+        == 2
+    )
     shutil.copyfile(fixtures / "campaign" / "r36ohm.csv", tmp_path / "r36ohm.csv")
     (tmp_path / "rig.toml").symlink_to(tmp_path / "elsewhere.toml")
     assert call("init", tmp_path, "--write").code == 0
     assert not (tmp_path / "elsewhere.toml").exists()
-    (tmp_path / "campaign.toml").write_text('[[run]]\nfile = "r36ohm.csv"\nload_ohm = 4,5\n', encoding="utf-8")
+    (tmp_path / "campaign.toml").write_text(
+        '[[run]]\nfile = "r36ohm.csv"\nload_ohm = 4,5\n', encoding="utf-8"
+    )
     assert "4.5" in call("reduce", tmp_path / "r36ohm.csv").err

@@ -33,7 +33,8 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("r36ohm.csv", "open_circuit.csv"):
         shutil.copy(source / name, folder)
     (folder / "campaign.toml").write_text(
-        '[[run]]\nfile = "r36ohm.csv"\nload_ohm = 36.0\nwindow_s = 5.48\n[[run]]\nfile = "open_circuit.csv"\nload_ohm = inf\n'
+        '[[run]]\nfile = "r36ohm.csv"\nload_ohm = 36.0\nwindow_s = 5.48\n[[run]]\nfile = '
+        '"open_circuit.csv"\nload_ohm = inf\n'
     )
     return folder
 
@@ -60,7 +61,7 @@ def wrong(tmp_path: Path) -> Path:
     return path
 
 
-# --------------------------------------------------------------------------------------------------------------- batch
+# ------------------------------------------------------------------------------------------ batch
 @pytest.mark.parametrize("command", ["batch", "demo", "check", "audit"])
 def test_every_command_has_help(command: str) -> None:
     done = winchcascade(command, "--help")
@@ -91,7 +92,9 @@ def test_a_batch_needs_a_target_and_a_folder(campaign: Path) -> None:
 
 
 @pytest.mark.parametrize("target", ["nothing.csv", "no/*.csv", "."])
-def test_a_target_without_logs_is_reported_and_leaves_no_folder(tmp_path: Path, target: str) -> None:
+def test_a_target_without_logs_is_reported_and_leaves_no_folder(
+    tmp_path: Path, target: str
+) -> None:
     (tmp_path / "notes.md").touch()
     text = one_sentence("batch", target, "--out", "out", cwd=tmp_path)
     assert "expected" in text
@@ -100,7 +103,14 @@ def test_a_target_without_logs_is_reported_and_leaves_no_folder(tmp_path: Path, 
 
 def test_a_batch_in_which_a_log_fails_has_exit_code_one(campaign: Path, tmp_path: Path) -> None:
     (tmp_path / "bad.csv").write_text("name,colour\nanchor,red\n")
-    arguments = (campaign / "r36ohm.csv", tmp_path / "bad.csv", "--out", tmp_path / "out", "--reports", "none")
+    arguments = (
+        campaign / "r36ohm.csv",
+        tmp_path / "bad.csv",
+        "--out",
+        tmp_path / "out",
+        "--reports",
+        "none",
+    )
     done = winchcascade("batch", *arguments)
     assert done.returncode == 1
     assert "1 of 2 logs reduced" in done.stdout
@@ -108,7 +118,9 @@ def test_a_batch_in_which_a_log_fails_has_exit_code_one(campaign: Path, tmp_path
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize(("load", "stated"), [((), None), (("--load-ohm", "36"), 36.0)], ids=["unknown", "given"])
+@pytest.mark.parametrize(
+    ("load", "stated"), [((), None), (("--load-ohm", "36"), 36.0)], ids=["unknown", "given"]
+)
 def test_logs_without_a_campaign_have_the_load_that_is_given(
     campaign: Path, tmp_path: Path, load: tuple[str, ...], stated: float | None
 ) -> None:
@@ -116,7 +128,9 @@ def test_logs_without_a_campaign_have_the_load_that_is_given(
     logs.mkdir()
     shutil.copy(campaign / "r36ohm.csv", logs)
     printed = winchcascade("batch", logs, "--out", results, "--reports", "none", *load).stdout
-    assert json.loads((results / "runs" / "r36ohm.csv.json").read_text())["log"]["load_ohm"] == stated
+    assert (
+        json.loads((results / "runs" / "r36ohm.csv.json").read_text())["log"]["load_ohm"] == stated
+    )
     assert (f"winchcascade init {logs}" in " ".join(printed.split())) == (not load)
 
 
@@ -135,23 +149,42 @@ def test_a_foreign_folder_is_reported_and_used_with_force(campaign: Path, tmp_pa
 
 def test_the_rig_and_window_of_the_command_line_win(campaign: Path, tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text('based_on = "hsu2026"\nname = "mine"\n')
-    options = ("--rig", tmp_path / "mine.toml", "--window", "5", "--reports", "none", "--out", tmp_path / "out")
+    options = (
+        "--rig",
+        tmp_path / "mine.toml",
+        "--window",
+        "5",
+        "--reports",
+        "none",
+        "--out",
+        tmp_path / "out",
+    )
     assert winchcascade("batch", campaign, *options).returncode == 0
     record = json.loads((tmp_path / "out" / "runs" / "r36ohm.csv.json").read_bytes())
-    assert (record["rig"]["name"], record["window"], record["log"]["load_ohm"]) == ("mine", 5.0, 36.0)
+    assert (record["rig"]["name"], record["window"], record["log"]["load_ohm"]) == (
+        "mine",
+        5.0,
+        36.0,
+    )
 
 
 def test_the_workbook_is_written_where_asked_for(campaign: Path, out: Path, tmp_path: Path) -> None:
     shutil.copytree(out, tmp_path / "out")
     assert not (out / "campaign.xlsx").exists()
-    done = winchcascade("batch", campaign, "--out", tmp_path / "out", "--reports", "none", "--excel")
+    done = winchcascade(
+        "batch", campaign, "--out", tmp_path / "out", "--reports", "none", "--excel"
+    )
     assert "2 of 2 logs reduced by an earlier call" in done.stdout
     assert f"{tmp_path / 'out' / 'campaign.xlsx'}" in done.stdout
 
 
-# --------------------------------------------------------------------------------------------------------------- check
-@pytest.mark.parametrize("form", ["campaign", "campaign.toml", "batch", "campaign.json", "reduction"])
-def test_results_of_every_form_are_checked(campaign: Path, out: Path, table: Path, form: str) -> None:
+# ------------------------------------------------------------------------------------------ check
+@pytest.mark.parametrize(
+    "form", ["campaign", "campaign.toml", "batch", "campaign.json", "reduction"]
+)
+def test_results_of_every_form_are_checked(
+    campaign: Path, out: Path, table: Path, form: str
+) -> None:
     target = {
         "campaign": campaign, "campaign.toml": campaign / "campaign.toml", "batch": out,
         "campaign.json": out / "campaign.json", "reduction": out / "runs" / "r36ohm.csv.json",
@@ -163,7 +196,9 @@ def test_results_of_every_form_are_checked(campaign: Path, out: Path, table: Pat
 
 def test_a_difference_is_exit_code_one_everywhere(out: Path, wrong: Path, tmp_path: Path) -> None:
     junit, report = tmp_path / "junit.xml", tmp_path / "check.json"
-    done = winchcascade("check", out, "--against", wrong, "--junit", junit, "--json", report, "--github")
+    done = winchcascade(
+        "check", out, "--against", wrong, "--junit", junit, "--json", report, "--github"
+    )
     assert done.returncode == 1
     root = ElementTree.parse(junit).getroot()
     assert root.tag == "testsuites"
@@ -190,7 +225,9 @@ def test_a_tolerance_widens_and_narrows(out: Path, table: Path, wrong: Path) -> 
     done = winchcascade("check", out, "--against", table, *none)
     assert done.returncode == 1
     assert "0 of 3 cells agree" in done.stdout
-    assert "30 x 2 standard" in " ".join(winchcascade("check", out, "--against", wrong, *wide).stdout.split())
+    assert "30 x 2 standard" in " ".join(
+        winchcascade("check", out, "--against", wrong, *wide).stdout.split()
+    )
 
 
 @pytest.mark.parametrize(
@@ -198,11 +235,16 @@ def test_a_tolerance_widens_and_narrows(out: Path, table: Path, wrong: Path) -> 
 )
 def test_a_tolerance_that_cannot_be_used_is_reported(out: Path, table: Path, option: str) -> None:
     text = one_sentence("check", out, "--against", table, "--tolerance", option)
-    assert f"--tolerance {option}: expected rounding, deviation or uncertainty and a factor, such as unc" in text
+    assert (
+        f"--tolerance {option}: expected rounding, deviation or uncertainty and a factor, such as unc"
+        in text
+    )
 
 
 def test_an_infinite_tolerance_is_rejected(out: Path, table: Path) -> None:
-    assert "--tolerance" in one_sentence("check", out, "--against", table, "--tolerance", "uncertainty=inf")
+    assert "--tolerance" in one_sentence(
+        "check", out, "--against", table, "--tolerance", "uncertainty=inf"
+    )
 
 
 def test_a_table_that_is_not_there_is_reported(out: Path) -> None:
@@ -226,7 +268,9 @@ def test_a_load_without_a_row_is_reported(out: Path, table: Path) -> None:
 
 
 @pytest.mark.parametrize("option", ["--json", "--junit"])
-def test_a_result_never_replaces_an_input_of_a_check(out: Path, table: Path, tmp_path: Path, option: str) -> None:
+def test_a_result_never_replaces_an_input_of_a_check(
+    out: Path, table: Path, tmp_path: Path, option: str
+) -> None:
     shutil.copytree(out, tmp_path / "out")
     reduction = tmp_path / "out" / "runs" / "r36ohm.csv.json"
     for target, place in ((table, tmp_path / "out"), (reduction, reduction)):
@@ -236,7 +280,9 @@ def test_a_result_never_replaces_an_input_of_a_check(out: Path, table: Path, tmp
         assert target.read_bytes() == before
 
 
-@pytest.mark.parametrize("name", ["campaign.json", "runs/r36ohm.csv.json", "campaign.toml", "r36ohm.csv"])
+@pytest.mark.parametrize(
+    "name", ["campaign.json", "runs/r36ohm.csv.json", "campaign.toml", "r36ohm.csv"]
+)
 def test_a_result_never_replaces_a_file_of_the_batch_or_campaign_it_is_made_from(
     campaign: Path, out: Path, table: Path, tmp_path: Path, name: str
 ) -> None:
@@ -254,7 +300,16 @@ def test_two_results_of_one_name_are_rejected(out: Path, table: Path, tmp_path: 
 
 
 def test_ones_own_results_are_replaced_and_no_other(out: Path, table: Path, tmp_path: Path) -> None:
-    arguments = ("check", out, "--against", table, "--junit", tmp_path / "j.xml", "--json", tmp_path / "c.json")
+    arguments = (
+        "check",
+        out,
+        "--against",
+        table,
+        "--junit",
+        tmp_path / "j.xml",
+        "--json",
+        tmp_path / "c.json",
+    )
     for _ in range(2):
         assert winchcascade(*arguments).returncode == 0
     (tmp_path / "j.xml").write_text("<mine/>")
@@ -262,7 +317,7 @@ def test_ones_own_results_are_replaced_and_no_other(out: Path, table: Path, tmp_
     assert winchcascade(*arguments, "--force").returncode == 0
 
 
-# --------------------------------------------------------------------------------------------------------------- audit
+# ------------------------------------------------------------------------------------------ audit
 def test_a_consistent_table_is_exit_code_zero(table: Path) -> None:
     done = winchcascade("audit", table)
     assert done.returncode == 0

@@ -13,10 +13,20 @@ from winchcascade.tables.table_file import BUILT_IN as TABLES
 
 def offered(line: str) -> list[str]:
     """Words that bash is offered for the last word of a line."""
-    code = "import sys; sys.argv = ['winchcascade']; from winchcascade.cli.entry import main; main()"
-    asked = {"COMP_WORDS": line, "COMP_CWORD": str(line.count(" ")), "_WINCHCASCADE_COMPLETE": "complete_bash"}
+    code = (
+        "import sys; sys.argv = ['winchcascade']; from winchcascade.cli.entry import main; main()"
+    )
+    asked = {
+        "COMP_WORDS": line,
+        "COMP_CWORD": str(line.count(" ")),
+        "_WINCHCASCADE_COMPLETE": "complete_bash",
+    }
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=os.environ | asked
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=os.environ | asked,
     )
     assert done.stderr == ""
     return done.stdout.split()
@@ -28,7 +38,10 @@ def offered(line: str) -> list[str]:
         ("winchcascade effects ", list(EFFECTS)),
         ("winchcascade effects ke", ["ke_rolloff", "ke_shift"]),
         ("winchcascade diagnose --suspect gas", ["gas_polytropic", "gas_volume", "gas_loss"]),
-        ("winchcascade diagnose . --suspect ke_shift --suspect pre", ["precharge", "pressure_gain"]),
+        (
+            "winchcascade diagnose . --suspect ke_shift --suspect pre",
+            ["precharge", "pressure_gain"],
+        ),
         ("winchcascade rig ", list(RIGS)),
         ("winchcascade reduce log.csv --rig k", ["kitepower"]),
         ("winchcascade batch . --reports ", ["none", "html", "all"]),
@@ -42,6 +55,8 @@ def test_a_value_is_completed_with_what_the_tool_knows(line: str, words: list[st
     assert offered(line) == words
 
 
-@pytest.mark.parametrize("line", ["winchcascade reduce log.csv --rig ./r", "winchcascade audit tables/t"])
+@pytest.mark.parametrize(
+    "line", ["winchcascade reduce log.csv --rig ./r", "winchcascade audit tables/t"]
+)
 def test_what_the_tool_does_not_know_is_left_to_the_shell_which_completes_files(line: str) -> None:
     assert offered(line) == []

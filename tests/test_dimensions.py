@@ -1,4 +1,6 @@
-"""No constant of reading and reduction has a size of its own, but for those that nature or a file format fixes."""
+"""No constant of reading and reduction has a size of its own, but for those that nature or a
+file format fixes.
+"""
 
 from __future__ import annotations
 
@@ -21,14 +23,26 @@ FIXED = {
         "ingest/checks/signs.py",
         "VACUUM",
     ): "nature: no pressure lies below a vacuum, and pressures do not scale with a rig",
-    ("ingest/clock.py", "STAMP_MAX"): "floating point: a stamp beyond the age of the universe is a wrong byte",
+    (
+        "ingest/clock.py",
+        "STAMP_MAX",
+    ): "floating point: a stamp beyond the age of the universe is a wrong byte",
     ("ingest/clock.py", "RISE_MIN"): "floating point: the square of a shorter interval is 0",
-    ("ingest/clock.py", "INTERVAL_MIN"): "instruments: no converter of a logger samples at a gigahertz",
+    (
+        "ingest/clock.py",
+        "INTERVAL_MIN",
+    ): "instruments: no converter of a logger samples at a gigahertz",
     ("ingest/limits.py", "SECONDS_MIN"): "a computer's time to read a file",
     ("ingest/limits.py", "SECONDS_PER_MB"): "a computer's time to read a file",
     ("ingest/log_clock.py", "EPOCH_SECONDS"): "file format: stamps that count from 1970 or 1904",
-    ("ingest/log_clock.py", "MINUTE_STEP_MAX"): "file format: digits of minutes in stamps without separators",
-    ("ingest/phase_labels.py", "NEARLY"): "file format: a row without a clock counts for one second",
+    (
+        "ingest/log_clock.py",
+        "MINUTE_STEP_MAX",
+    ): "file format: digits of minutes in stamps without separators",
+    (
+        "ingest/phase_labels.py",
+        "NEARLY",
+    ): "file format: a row without a clock counts for one second",
 }
 """Constants that have a dimension, by module and name, each with what fixes it."""
 
@@ -41,7 +55,11 @@ def constants_with_a_dimension() -> Iterator[tuple[str, str]]:
             for statement, note in pairwise(body):
                 text = note.value if isinstance(note, ast.Expr) else None
                 described = isinstance(text, ast.Constant) and UNIT.search(str(text.value))
-                if described and isinstance(statement, ast.Assign) and not isinstance(statement.value, ast.Subscript):
+                if (
+                    described
+                    and isinstance(statement, ast.Assign)
+                    and not isinstance(statement.value, ast.Subscript)
+                ):
                     for name in ast.walk(statement.targets[0]):
                         if isinstance(name, ast.Name):
                             yield path.relative_to(PACKAGE).as_posix(), name.id

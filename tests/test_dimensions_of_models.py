@@ -1,11 +1,14 @@
-"""No size of one rig decides about another: constants of models, diagnosis and design are shares, but for a few."""
+"""No size of one rig decides about another: constants of models, diagnosis and design are
+shares, but for a few.
+"""
 
 from dimensioned import dimensioned
 
 from winchcascade.rig.parts import PARTS, numbers_of
 
 CONSTANTS = {
-    "rig.state.FADED": "the smallest number that a processor computes fast with, far below any that is read",
+    "rig.state.FADED": "the smallest number that a processor computes fast with, far below any "
+    "that is read",
     "rig.parts.IN_RIG": "radians of a revolution, and gravity, which nature fixes",
     "rig.physics.RPM": "revolutions a minute of a radian a second",
     "design.design.JOULES_PER_KWH": "joules of a kilowatt hour",
@@ -13,7 +16,8 @@ CONSTANTS = {
 """Constants that may have a dimension, with their reasons."""
 
 DEFAULTS = {
-    "winch.stribeck_speed": "of a friction that is absent; `baseline` sets it to a multiple of the onset speed",
+    "winch.stribeck_speed": "of a friction that is absent; `baseline` sets it to a multiple of "
+    "the onset speed",
     "restoring.lead_angle": "an angle, of a screw that is absent",
     "restoring.pressure": "the atmosphere, which nature fixes",
     "restoring.volume": "of a gas that is absent",
@@ -24,7 +28,10 @@ DEFAULTS = {
 
 
 def test_constants_with_a_dimension_are_those_that_have_a_reason() -> None:
-    assert dimensioned("rig", "diagnosis", "design", but=("diagnosis/stages",)).keys() == CONSTANTS.keys()
+    assert (
+        dimensioned("rig", "diagnosis", "design", but=("diagnosis/stages",)).keys()
+        == CONSTANTS.keys()
+    )
 
 
 def test_a_constant_with_a_dimension_is_found_by_its_note() -> None:

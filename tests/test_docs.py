@@ -1,4 +1,6 @@
-"""The documents as a whole: their size, the site that holds each page once, and links that lead somewhere."""
+"""The documents as a whole: their size, the site that holds each page once, and links that lead
+somewhere.
+"""
 
 import importlib.util
 import re
@@ -37,14 +39,20 @@ def site_anchor(heading: str) -> str:
 def anchors(page: Path) -> set[str]:
     """Where a link may lead in a page, both on GitHub and in the site."""
     headings = re.findall(r"^#+ (.*)$", without_code(read(page)), re.MULTILINE)
-    named = [re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading).replace("`", "") for heading in headings]
+    named = [
+        re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading).replace("`", "") for heading in headings
+    ]
     return {github_anchor(name) for name in named} & {site_anchor(name) for name in named}
 
 
 def links(page: Path) -> list[str]:
     """Targets of the links of a page that stay in the project."""
     text = re.sub(r"`[^`\n]*`", "", without_code(read(page)))
-    return [target for target in re.findall(r"\]\(([^)\s]+)\)", text) if not target.startswith(("https:", "http:"))]
+    return [
+        target
+        for target in re.findall(r"\]\(([^)\s]+)\)", text)
+        if not target.startswith(("https:", "http:"))
+    ]
 
 
 @pytest.mark.parametrize("page", [*OWN, *OUTSIDE], ids=lambda page: str(page.relative_to(ROOT)))
@@ -72,7 +80,11 @@ def test_the_site_holds_every_page_once() -> None:
 
 def test_pages_of_the_site_link_to_pages_of_the_site() -> None:
     site = [*OWN, *(ROOT / name for name in hooks().OUTSIDE)]
-    files = {(page.parent / target.partition("#")[0]).resolve() for page in site for target in links(page)}
+    files = {
+        (page.parent / target.partition("#")[0]).resolve()
+        for page in site
+        for target in links(page)
+    }
     outside = {file.relative_to(ROOT).as_posix() for file in files if not file.is_relative_to(DOCS)}
     assert outside <= set(hooks().IN_THE_SITE) | {"."}
 
@@ -89,4 +101,6 @@ def test_no_page_is_long() -> None:
 def test_contributing_lists_every_package() -> None:
     inside = [path for path in (ROOT / "winchcascade").iterdir() if not path.name.startswith("__")]
     packages = {path.name for path in inside if (path / "__init__.py").is_file()}
-    assert packages == set(re.findall(r"^\| \d \| `(\w+)` \|", read(ROOT / "CONTRIBUTING.md"), re.MULTILINE))
+    assert packages == set(
+        re.findall(r"^\| \d \| `(\w+)` \|", read(ROOT / "CONTRIBUTING.md"), re.MULTILINE)
+    )

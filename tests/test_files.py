@@ -39,7 +39,9 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path: Path) -> None
     assert path.read_text() == "new"
 
 
-@pytest.mark.parametrize(("name", "says"), [("", "is a folder"), ("no/such/file.json", "does not exist")])
+@pytest.mark.parametrize(
+    ("name", "says"), [("", "is a folder"), ("no/such/file.json", "does not exist")]
+)
 def test_a_place_that_cannot_be_written_is_reported(tmp_path: Path, name: str, says: str) -> None:
     with pytest.raises(OutputError, match=says):
         write_whole(tmp_path / name, lambda part: part.touch())
@@ -52,11 +54,14 @@ MENTIONS = {
     "notes.json": f'{{"notes": "made by {MARK}", "of": {{"schema": "winchcascade/reduction/1"}}}}',
     "list.json": f'[{{"schema": "winchcascade/reduction/1"}}, "{MARK}"]',
     "other.json": f'{{"schema": "other/1", "made_by": "{MARK}"}}',
-    "page.html": f'<!doctype html>\n<html lang="en">\n<body>made by <meta name="generator" content="{MARK}"></body>',
-    "table.csv": "Time (s),Force (N)\n0.0,1.0\n# Generator speed (rpm),Stator current (A rms),Air-gap torque (N.m)\n",
+    "page.html": f'<!doctype html>\n<html lang="en">\n<body>made by <meta name="generator" '
+    f'content="{MARK}"></body>',
+    "table.csv": "Time (s),Force (N)\n0.0,1.0\n# Generator speed (rpm),Stator current (A "
+    "rms),Air-gap torque (N.m)\n",
     "script.csv": "# Time (s),Cycle,Predicted mechanical power (W)\n",
     "rig.toml": f'name = "mine"\n# Calibrated by {MARK} from a.csv: k_e.\n',
-    "junit.xml": f'<?xml version="1.0" encoding="utf-8"?>\n<!-- <property name="generator" value="{MARK}"/> -->\n<testsuites/>',
+    "junit.xml": f'<?xml version="1.0" encoding="utf-8"?>\n<!-- <property name="generator" '
+    f'value="{MARK}"/> -->\n<testsuites/>',
     "thesis.pdf": f"%PDF-1.7\n(made by {MARK}) /Author (A. N. Other)\n%%EOF\n",
     "data.parquet": f"PAR1 {MARK} PAR1",
 }
@@ -88,7 +93,10 @@ def test_a_set_of_files_that_finds_no_room_leaves_all_as_before(
         return usual(path, data)
 
     monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(OutputError, match=r"a\.json: cannot be written \(No space left on device\); free some space"):
+    with pytest.raises(
+        OutputError,
+        match=r"a\.json: cannot be written \(No space left on device\); free some space",
+    ):
         write_set({paths[0]: b"first", paths[1]: b"second"}, without=[outdated])
     assert [path.read_text() for path in (*paths, outdated)] == ["before"] * 3
     assert sorted(os.listdir(tmp_path)) == ["a.html", "a.json", "a.pdf"]

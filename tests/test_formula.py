@@ -30,7 +30,9 @@ KNOWN = ("a", "b", "p_in", "p_out")
         ("60 V/a", (Product(60.0, (), ("a",), scaled=True),)),
     ],
 )
-def test_a_formula_is_a_sum_of_products_and_quotients(text: str, terms: tuple[Product, ...]) -> None:
+def test_a_formula_is_a_sum_of_products_and_quotients(
+    text: str, terms: tuple[Product, ...]
+) -> None:
     assert read_formula(text, KNOWN, "here", RigError).terms == terms
 
 
@@ -51,4 +53,9 @@ a / 0 @ above
 
 
 def test_another_text_is_rejected_with_its_place() -> None:
-    assert rejections(lambda text, where: read_formula(text, KNOWN, f"{where}: is", RigError), RigError, WRONG) == []
+    assert (
+        rejections(
+            lambda text, where: read_formula(text, KNOWN, f"{where}: is", RigError), RigError, WRONG
+        )
+        == []
+    )

@@ -1,4 +1,5 @@
-"""What the pages of tasks show is true of the logs that they use: injected numbers, computed losses, laws of physics.
+"""What the pages of tasks show is true of the logs that they use: injected numbers, computed
+losses, laws of physics.
 
 `test_pages.py` holds that the commands print what is shown.
 """
@@ -43,7 +44,9 @@ def injected(fixture: str) -> dict[str, float]:
         ("torque_gain", "torque_gain", 100.0),
     ],
 )
-def test_the_intervals_of_the_diagnosis_hold_the_injected_numbers(effect: str, key: str, factor: float) -> None:
+def test_the_intervals_of_the_diagnosis_hold_the_injected_numbers(
+    effect: str, key: str, factor: float
+) -> None:
     low, high = interval(printed("diagnosis.md", "diagnose fixtures/campaign --html"), effect)
     assert low <= factor * injected("campaign")[key] <= high
 
@@ -55,7 +58,9 @@ def test_the_corrected_model_gives_the_efficiencies_of_the_log_within_their_inte
         assert low < 0.0 < high
 
 
-def test_the_own_simulation_lacks_what_its_script_leaves_out_and_the_rig_has_what_was_injected() -> None:
+def test_the_own_simulation_lacks_what_its_script_leaves_out_and_the_rig_has_what_was_injected() -> (
+    None
+):
     text = printed("worked_example.md", "--simulated own")
     low, high = interval(text, "copper_heating")
     assert low <= 100.0 * injected("other_rig")["copper_heating"]["r_s_change"] <= high  # type: ignore[index]
@@ -65,7 +70,9 @@ def test_the_own_simulation_lacks_what_its_script_leaves_out_and_the_rig_has_wha
 
 def test_a_current_that_is_2_percent_smaller_lowers_eta_pto_by_2_percent() -> None:
     text = printed("compare.md", "| grep")
-    (before, after) = map(float, re.findall(NUMBER, re.findall(r"^eta_pto .*$", text, re.MULTILINE)[0])[1:3])
+    (before, after) = map(
+        float, re.findall(NUMBER, re.findall(r"^eta_pto .*$", text, re.MULTILINE)[0])[1:3]
+    )
     assert after / before == pytest.approx(0.98, abs=1e-4)
     low, high = interval(text, "eta_pto")
     assert low <= -0.02 * before <= high
@@ -87,5 +94,7 @@ def test_the_loss_map_holds_the_losses_that_the_log_was_made_with(row: str, true
 
 
 def test_a_counterweight_stores_its_weight_times_the_payout() -> None:
-    (stored,) = re.findall(rf"^pull +({NUMBER})", printed("own_rig.md", "--rig direct.toml"), re.MULTILINE)
+    (stored,) = re.findall(
+        rf"^pull +({NUMBER})", printed("own_rig.md", "--rig direct.toml"), re.MULTILINE
+    )
     assert float(stored) == pytest.approx(120.0 * 9.81 * 6.01, rel=1e-3)

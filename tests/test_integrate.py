@@ -36,7 +36,9 @@ def test_integrals_are_trapezoids_with_interpolated_ends(n: int, seed: int, k: i
 def test_windows_that_end_on_samples_or_at_the_ends_of_the_log_are_whole() -> None:
     t, x = np.arange(10.0), np.arange(10.0) ** 2
     windows = np.array([[0.0, 9.0], [3.0, 4.0], [8.5, 9.0], [2.0, 2.0]])
-    assert integrals(t, x.__getitem__, windows) == pytest.approx([by_hand(t, x, *w) for w in windows])
+    assert integrals(t, x.__getitem__, windows) == pytest.approx(
+        [by_hand(t, x, *w) for w in windows]
+    )
 
 
 def test_blocks_do_not_show(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -66,14 +68,20 @@ def test_extremes_are_those_of_the_samples_inside() -> None:
 
 
 @given(
-    st.lists(st.one_of(st.integers(-5, 5).map(float), st.floats(-1e3, 1e3)), min_size=1, max_size=60),
+    st.lists(
+        st.one_of(st.integers(-5, 5).map(float), st.floats(-1e3, 1e3)), min_size=1, max_size=60
+    ),
     st.lists(st.floats(0.0, 1.0), min_size=1, max_size=4),
 )
 def test_order_statistics_are_those_of_numpy(values: list[float], shares: list[float]) -> None:
     x, shares = np.array(values), sorted(shares)
     expected = np.quantile(x, shares)
-    assert quantiles_in_place(x.copy(), shares) == pytest.approx(expected.tolist(), rel=1e-9, abs=1e-9)
-    assert [quantile(x, share) for share in shares] == pytest.approx(expected.tolist(), rel=1e-9, abs=1e-9)
+    assert quantiles_in_place(x.copy(), shares) == pytest.approx(
+        expected.tolist(), rel=1e-9, abs=1e-9
+    )
+    assert [quantile(x, share) for share in shares] == pytest.approx(
+        expected.tolist(), rel=1e-9, abs=1e-9
+    )
     with_holes = np.concatenate((x, np.full(3, np.nan)))
     middle = float(np.median(x[x > 0])) if np.any(x > 0) else 0.0
     assert positive_median(x) == pytest.approx(middle)

@@ -51,17 +51,28 @@ def test_calibrate_takes_the_rig_and_the_payouts_that_reduce_takes() -> None:
     run = read_run("fixtures/campaign/open_circuit.csv", load=math.inf)
     plain, given = calibrate(run), calibrate(run, calibrated_rig())
     assert [(n.name, n.value) for n in plain.numbers] == [(n.name, n.value) for n in given.numbers]
-    assert [onset for onset, _ in plain.payouts] == [cycle.phases.onset for cycle in reduce(run).complete]
+    assert [onset for onset, _ in plain.payouts] == [
+        cycle.phases.onset for cycle in reduce(run).complete
+    ]
     with pytest.raises(LogError, match="none of 0 payouts is complete"):
         calibrate(read_run(_at_rest(), load=math.inf))
 
 
 def _at_rest() -> pd.DataFrame:
     """A log in which nothing moves."""
-    return pd.DataFrame({"Time (s)": np.arange(200) / 10.0, "Velocity (m/s)": 0.0, "Force (N)": 200.0, "Vdc (V)": 0.0})
+    return pd.DataFrame(
+        {
+            "Time (s)": np.arange(200) / 10.0,
+            "Velocity (m/s)": 0.0,
+            "Force (N)": 200.0,
+            "Vdc (V)": 0.0,
+        }
+    )
 
 
-def test_a_file_a_frame_and_a_run_of_one_log_are_reduced_to_the_same_numbers(tmp_path: Path) -> None:
+def test_a_file_a_frame_and_a_run_of_one_log_are_reduced_to_the_same_numbers(
+    tmp_path: Path,
+) -> None:
     log, rig = Path("fixtures/campaign/r36ohm.csv"), built_in()
     run = reduce(read_run(log, load=36.0, rig=rig), window=5.48)
     for given in (log, str(log), pd.read_csv(log)):
@@ -77,7 +88,10 @@ def test_results_are_shown_in_one_line() -> None:
     run = read_run("fixtures/campaign/open_circuit.csv", load=math.inf)
     assert repr(calibrate(run)).startswith("Calibration('hsu2026_rebuilt', k_e = 0.0620")
     assert repr(simulate(run)) == f"Simulation({run!r})"
-    assert repr(audit("hsu2026-table2")) == "Audit('hsu2026-table2', contradictions: 1, contradicted claims: 2)"
+    assert (
+        repr(audit("hsu2026-table2"))
+        == "Audit('hsu2026-table2', contradictions: 1, contradicted claims: 2)"
+    )
     check = open_campaign("fixtures/campaign").check("hsu2026-table2")
     assert repr(check) == "Check('hsu2026-table2', 54 of 54 cells agree)"
 
@@ -107,7 +121,9 @@ def test_a_log_that_cannot_be_used_is_a_fault_of_the_campaign(campaign: Path) ->
     assert len(found.records) == 1
 
 
-def test_a_campaign_is_checked_against_a_table_as_by_the_command(fixtures: Path, campaign: Path) -> None:
+def test_a_campaign_is_checked_against_a_table_as_by_the_command(
+    fixtures: Path, campaign: Path
+) -> None:
     whole = open_campaign(fixtures / "campaign").check("hsu2026-table2")
     done = call("check", fixtures / "campaign", "--against", "hsu2026-table2")
     assert whole.ok == (done.code == 0)
@@ -138,7 +154,8 @@ def test_reports_are_written_by_the_ending_of_their_names(campaign: Path, tmp_pa
     assert files[0] == tmp_path / "results" / "campaign.html"
     assert all(file.is_file() for file in files)
     with pytest.raises(
-        OptionError, match=r"x\.docx: no ending of a report; expected a name that ends in \.html or \.pdf"
+        OptionError,
+        match=r"x\.docx: no ending of a report; expected a name that ends in \.html or \.pdf",
     ):
         write_report(reduction, tmp_path / "x.docx")
     with pytest.raises(OptionError, match=r"Run has no report.*: Audit, .*, Simulation"):

@@ -1,4 +1,6 @@
-"""Thresholds that a rig file leaves open: shares of the scales of the logs that are read with it."""
+"""Thresholds that a rig file leaves open: shares of the scales of the logs that are read with
+it.
+"""
 
 from __future__ import annotations
 
@@ -30,8 +32,8 @@ OWN = replace(calibrated_rig(), thresholds=Thresholds())
 """The rig of the rebuilt campaign without its thresholds."""
 
 CRANE = 0.25
-"""Largest share by which thresholds of a crane log differ from the published ones: ramps differ from log to log,
-and loads slow the line."""
+"""Largest share by which thresholds of a crane log differ from the published ones: ramps differ
+from log to log, and loads slow the line."""
 
 T = np.arange(0.0, 120.0, 0.04)
 
@@ -66,7 +68,10 @@ def test_what_a_rig_states_is_kept_and_what_it_leaves_open_follows_the_log() -> 
 
 
 def test_several_runs_give_one_set_by_the_fastest_and_the_median() -> None:
-    runs = [run_of(velocity=strokes(speed, ramp)) for speed, ramp in ((0.3, 1.0), (0.9, 1.5), (0.6, 2.5))]
+    runs = [
+        run_of(velocity=strokes(speed, ramp))
+        for speed, ramp in ((0.3, 1.0), (0.9, 1.5), (0.6, 2.5))
+    ]
     found = with_thresholds(OWN, runs).thresholds
     assert found.v_onset == pytest.approx(0.9 / 30.0, rel=0.01)
     assert found.smoothing == pytest.approx(SHARES["smoothing"][1] * 0.8 * 1.5, rel=0.01)
@@ -111,23 +116,31 @@ def test_a_slow_shaft_turns_from_a_share_of_its_top_speed_on() -> None:
     assert run.rig.phases.omega_onset == pytest.approx(0.2 / 50.0, rel=0.01)
 
 
-def test_one_finding_names_the_thresholds_that_follow_the_log_and_none_where_all_are_stated() -> None:
+def test_one_finding_names_the_thresholds_that_follow_the_log_and_none_where_all_are_stated() -> (
+    None
+):
     frame = pd.DataFrame({"Time (s)": T, "Velocity (m/s)": strokes()})
     open_ = [f for f in reduce(read_run(frame, rig=OWN)).quality if f.kind == "thresholds_assumed"]
     assert len(open_) == 1
     assert "v_onset 0.03 m/s" in open_[0].message
     for rig in (built_in(), completed(OWN, log_scales(T, {"velocity": strokes()}, OWN))):
-        assert "thresholds_assumed" not in {f.kind for f in reduce(read_run(frame, rig=rig)).quality}
+        assert "thresholds_assumed" not in {
+            f.kind for f in reduce(read_run(frame, rig=rig)).quality
+        }
     given = reduce(read_run(frame, rig=built_in()), rig=OWN).quality
     assert [f.kind for f in given].count("thresholds_assumed") == 1
 
 
 def test_a_rig_file_that_states_its_motion_has_no_finding_for_the_torque_alone() -> None:
     stated = "\n".join(
-        f'{name} = {{ value = 0.5, unit = "{unit}" }}' for name, (_, _, unit) in SHARES.items() if name != "tau_engaged"
+        f'{name} = {{ value = 0.5, unit = "{unit}" }}'
+        for name, (_, _, unit) in SHARES.items()
+        if name != "tau_engaged"
     )
     rig = parse_rig(f'name = "mine"\n[thresholds]\n{stated}\n', "mine.toml")
-    frame = pd.DataFrame({"Time (s)": T, "Velocity (m/s)": strokes(), "Torque (N.m)": np.maximum(strokes(40.0), 0.0)})
+    frame = pd.DataFrame(
+        {"Time (s)": T, "Velocity (m/s)": strokes(), "Torque (N.m)": np.maximum(strokes(40.0), 0.0)}
+    )
     run = read_run(frame, rig=rig)
     assert "thresholds_assumed" not in {f.kind for f in run.findings}
     assert run.rig is not None

@@ -42,11 +42,16 @@ def text_of(page: str, part: str = "") -> str:
 
 def stated(page: str) -> dict[str, float]:
     """What a page writes as `name = number`."""
-    return {name: float(value) for name, value in re.findall(r"`(\w+) = ([\d.e-]+)`", read(DOCS / f"{page}.md"))}
+    return {
+        name: float(value)
+        for name, value in re.findall(r"`(\w+) = ([\d.e-]+)`", read(DOCS / f"{page}.md"))
+    }
 
 
 def defaults_of(kind: type[msgspec.Struct]) -> dict[str, float]:
-    """Numbers among the settings of a rig file that need not be stated, by their names in the file."""
+    """Numbers among the settings of a rig file that need not be stated, by their names in the
+    file.
+    """
     fields = {field.encode_name: field.default for field in struct_fields(kind)}
     return {name: value for name, value in fields.items() if isinstance(value, float)}
 
@@ -105,8 +110,12 @@ CHECKED = {
 @pytest.mark.parametrize("place", CHECKED)
 def test_the_method_states_the_constants_of_each_check(place: str) -> None:
     text = read(DOCS / "method.md").split(place, 1)[1]
-    text = re.split(r"^## " if place.startswith("#") else r"\n", text, maxsplit=1, flags=re.MULTILINE)[0]
-    written = {float(number) for number in re.findall(r"\d+(?:\.\d+)?(?:e-?\d+)?", f"{place} {text}")}
+    text = re.split(
+        r"^## " if place.startswith("#") else r"\n", text, maxsplit=1, flags=re.MULTILINE
+    )[0]
+    written = {
+        float(number) for number in re.findall(r"\d+(?:\.\d+)?(?:e-?\d+)?", f"{place} {text}")
+    }
     for constant in CHECKED[place]:
         assert any(math.isclose(constant, number, rel_tol=1e-9) for number in written), constant
 
@@ -118,7 +127,9 @@ def test_the_checks_of_the_method_are_kinds_of_findings() -> None:
 
 def test_what_is_not_distinguished_are_effects_and_numbers_of_a_rig_file() -> None:
     numbers = {name for part in PARTS.values() for name in measures(part)}
-    assert set(re.findall(r"`(\w+)`", read(DOCS / "not_distinguished.md"))) <= numbers | EFFECTS.keys()
+    assert (
+        set(re.findall(r"`(\w+)`", read(DOCS / "not_distinguished.md"))) <= numbers | EFFECTS.keys()
+    )
 
 
 def test_every_limit_of_a_verdict_is_stated_with_its_value() -> None:
@@ -135,7 +146,11 @@ def test_what_a_diagnosis_allows_of_model_and_rig_is_stated() -> None:
 
 
 def test_the_allowance_of_an_audit_follows_from_the_printed_deviations() -> None:
-    energy, eta, k = 0.185, 0.0255, 2.0 / 3.0  # the largest that round to 18 % and 2.5 %; three cycles
+    energy, eta, k = (
+        0.185,
+        0.0255,
+        2.0 / 3.0,
+    )  # the largest that round to 18 % and 2.5 %; three cycles
     percent = (f"{PERCENT * energy * eta * k:.2f} %", f"{PERCENT * eta**2 * k:.2f} %")
     assert " and ".join(percent) in text_of("uncertainty", "A published cell")
 
@@ -149,26 +164,36 @@ def test_the_intervals_of_the_trials_follow_from_their_counts() -> None:
         assert [round(PERCENT * end) for end in ends] == [low, high], row
 
 
-def test_the_trials_have_as_many_campaigns_as_their_families(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_trials_have_as_many_campaigns_as_their_families(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
     families = pytest.importorskip("families").FAMILIES
     sys.modules.pop("families")
-    assert f"diagnoses {sum(family.cases for family in families.values())} campaigns" in text_of("trials", "Families")
+    assert f"diagnoses {sum(family.cases for family in families.values())} campaigns" in text_of(
+        "trials", "Families"
+    )
 
 
-# ------------------------------------------------------------------------------------------------------------- the model
+# -------------------------------------------------------------------------------------- the model
 @cache
 def simulated(share: float) -> tuple[Simulation, ...]:
     """Simulations along the shipped logs, in steps of a share of their ramps."""
     model = baseline(built_in())
-    runs = [read_run(run.file, load=run.load) for run in load_campaign(ROOT / "fixtures" / "campaign").runs]
+    runs = [
+        read_run(run.file, load=run.load)
+        for run in load_campaign(ROOT / "fixtures" / "campaign").runs
+    ]
     return tuple(simulate(run, model, step=share * scale_of(run).ramp) for run in runs)
 
 
 def largest_change(one: float, other: float) -> float:
     """Of any channel along any shipped log, as a share of its largest value."""
     return max(
-        float(np.abs(a.run.channels[name] - b.run.channels[name]).max() / np.abs(a.run.channels[name]).max())
+        float(
+            np.abs(a.run.channels[name] - b.run.channels[name]).max()
+            / np.abs(a.run.channels[name]).max()
+        )
         for a, b in zip(simulated(one), simulated(other), strict=True)
         for name in READ
     )
@@ -178,7 +203,8 @@ def largest_change(one: float, other: float) -> float:
 def test_the_steps_of_the_model_are_as_exact_as_its_page_states() -> None:
     text = text_of("model", "Integration")
     ((half, balance, coarse),) = (
-        map(float, numbers) for numbers in re.findall(r"more than (\S+) %.* within (\S+)\. .* most (\S+) %", text)
+        map(float, numbers)
+        for numbers in re.findall(r"more than (\S+) %.* within (\S+)\. .* most (\S+) %", text)
     )
     assert re.findall(r"1/(\d+) of the ramp", text) == [f"{1.0 / STEP:g}", f"{1.0 / COARSE:g}"]
     assert PERCENT * largest_change(STEP, 0.5 * STEP) < half
@@ -194,13 +220,21 @@ def test_the_efficiencies_of_the_screw_are_those_of_the_paper() -> None:
     assert f"= {gas.eta_reverse:.3f}`" in text
 
 
-# --------------------------------------------------------------------------------------------------------- adding an effect
+# ------------------------------------------------------------------------------- adding an effect
 def test_the_added_effects_are_found_with_the_numbers_that_were_simulated() -> None:
     page = DOCS / "adding_an_effect.md"
-    given = {name: float(value) for name, value in re.findall(r"--with (\w+)\.\w+=(\S+)", read(page))}
-    shown_by = re.findall(r"^\+\[\w+\.(\w+)\](?:\n\+.*)*factor = ([\d.e]+)", read(page), re.MULTILINE)
+    given = {
+        name: float(value) for name, value in re.findall(r"--with (\w+)\.\w+=(\S+)", read(page))
+    }
+    shown_by = re.findall(
+        r"^\+\[\w+\.(\w+)\](?:\n\+.*)*factor = ([\d.e]+)", read(page), re.MULTILINE
+    )
     given |= {name: float(factor) * given[name] for name, factor in shown_by}
     (printed,) = shown(page).values()
-    found = {row[0]: (float(row[3]), float(row[5])) for row in map(str.split, printed.splitlines()) if row[0] in given}
+    found = {
+        row[0]: (float(row[3]), float(row[5]))
+        for row in map(str.split, printed.splitlines())
+        if row[0] in given
+    }
     assert found.keys() == given.keys()
     assert all(low <= given[name] <= high for name, (low, high) in found.items())

@@ -1,4 +1,6 @@
-"""Misuse of the library: each call that cannot work is rejected in one sentence, never with a traceback or a wrong result."""
+"""Misuse of the library: each call that cannot work is rejected in one sentence, never with a
+traceback or a wrong result.
+"""
 
 # mypy: disable-error-code="arg-type, attr-defined, dict-item, index, list-item, misc"
 
@@ -63,7 +65,13 @@ def compared() -> wc.Comparison:
 def made(**fields: Any) -> wc.Run:
     """A run by hand, of which some fields are wrong."""
     t = np.arange(0.0, 40.0, 0.04)
-    good = {"name": "by hand", "t": t, "channels": {"velocity": np.sin(t)}, "fs": 25.0, "samples": t.size}
+    good = {
+        "name": "by hand",
+        "t": t,
+        "channels": {"velocity": np.sin(t)},
+        "fs": 25.0,
+        "samples": t.size,
+    }
     return wc.Run(**{**good, **fields})
 
 
@@ -199,7 +207,9 @@ MISUSES: dict[str, Misuse] = {
 
 
 @pytest.mark.parametrize("misuse", MISUSES)
-def test_a_misuse_is_rejected_in_one_sentence(misuse: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_misuse_is_rejected_in_one_sentence(
+    misuse: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     call, values = MISUSES[misuse]
 
     def check(number: int) -> None:
@@ -214,7 +224,9 @@ def test_a_misuse_is_rejected_in_one_sentence(misuse: str, monkeypatch: pytest.M
     assert failures(check, [(number,) for number in range(len(values))]) == []
 
 
-@pytest.mark.parametrize("of", [run, made, lambda: wc.simulate(run()).run], ids=["read", "made", "simulated"])
+@pytest.mark.parametrize(
+    "of", [run, made, lambda: wc.simulate(run()).run], ids=["read", "made", "simulated"]
+)
 def test_the_channels_of_a_run_cannot_be_written_to(of: Callable[[], wc.Run]) -> None:
     found = of()
     with pytest.raises(ValueError, match="read-only"):
@@ -237,7 +249,9 @@ def test_a_run_goes_whole_to_another_process() -> None:
 
 
 def test_a_log_without_a_cycle_states_the_reason() -> None:
-    without = {name: x for name, x in run().channels.items() if name not in ("velocity", "displacement")}
+    without = {
+        name: x for name, x in run().channels.items() if name not in ("velocity", "displacement")
+    }
     never = replace(hsu(), thresholds=replace(hsu().thresholds, v_onset=5.0))
     for found in (wc.reduce(replace(run(), channels=without)), wc.reduce(run(), rig=never)):
         assert found.cycles == ()
@@ -246,5 +260,7 @@ def test_a_log_without_a_cycle_states_the_reason() -> None:
 
 def test_reduce_takes_the_units_of_a_frame() -> None:
     table = pd.read_csv(LOG).rename(columns={"Force (N)": "force"})
-    plain, other = (wc.reduce(table, units={"force": unit}).mean.value("energy_line") for unit in ("N", "kN"))
+    plain, other = (
+        wc.reduce(table, units={"force": unit}).mean.value("energy_line") for unit in ("N", "kN")
+    )
     assert other == pytest.approx(1000.0 * plain)

@@ -1,4 +1,6 @@
-"""Whether data are measured is what the campaign states or the mark of `simulate`, and every output carries it."""
+"""Whether data are measured is what the campaign states or the mark of `simulate`, and every
+output carries it.
+"""
 
 import json
 from pathlib import Path
@@ -64,7 +66,9 @@ def test_a_run_states_its_origin_or_takes_over_that_of_its_campaign(
 
 @pytest.mark.parametrize("entry", ['measured = "yes"', "measured = 1", "origin = true"])
 @pytest.mark.parametrize("of_run", [True, False])
-def test_a_statement_of_another_kind_is_one_sentence(tmp_path: Path, entry: str, of_run: bool) -> None:
+def test_a_statement_of_another_kind_is_one_sentence(
+    tmp_path: Path, entry: str, of_run: bool
+) -> None:
     path = campaign(tmp_path, "" if of_run else entry, entry if of_run else "")
     with pytest.raises(CampaignError, match=entry.split()[0]):
         load_campaign(path)
@@ -90,7 +94,9 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_simulated_log_carries_its_mark_and_contradicts_a_campaign_that_calls_it_measured(simulated: Path) -> None:
+def test_a_simulated_log_carries_its_mark_and_contradicts_a_campaign_that_calls_it_measured(
+    simulated: Path,
+) -> None:
     assert read_run(simulated / LOG).origin == SIMULATED
     assert read_run(simulated / LOG).findings == ()
     agreed = read_run(simulated / LOG, origin=Origin(False, "For a test"))
@@ -103,9 +109,16 @@ def test_a_simulated_log_carries_its_mark_and_contradicts_a_campaign_that_calls_
 
 
 @pytest.mark.parametrize("column", SIMULATED_HEADERS)
-def test_one_of_the_columns_of_simulate_marks_no_log_and_its_clock_is_checked(tmp_path: Path, column: str) -> None:
-    head, *rows = (Path(__file__).parents[1] / "fixtures" / "campaign" / LOG).read_text().splitlines()
-    late = [f"{0.04 * k:.2f},{row.split(',', 1)[1]},3000.0" for k, row in enumerate(rows[:300] + rows[330:])]
+def test_one_of_the_columns_of_simulate_marks_no_log_and_its_clock_is_checked(
+    tmp_path: Path, column: str
+) -> None:
+    head, *rows = (
+        (Path(__file__).parents[1] / "fixtures" / "campaign" / LOG).read_text().splitlines()
+    )
+    late = [
+        f"{0.04 * k:.2f},{row.split(',', 1)[1]},3000.0"
+        for k, row in enumerate(rows[:300] + rows[330:])
+    ]
     (tmp_path / LOG).write_text("\n".join([f"{head},{column}", *late]) + "\n")
     run = read_run(tmp_path / LOG)
     assert run.origin == Origin()
@@ -114,7 +127,9 @@ def test_one_of_the_columns_of_simulate_marks_no_log_and_its_clock_is_checked(tm
 
 
 @pytest.mark.slow
-def test_a_log_takes_its_origin_from_the_campaign_beside_it_into_record_and_page(fixtures: Path) -> None:
+def test_a_log_takes_its_origin_from_the_campaign_beside_it_into_record_and_page(
+    fixtures: Path,
+) -> None:
     log = fixtures / "campaign" / LOG
     settings = settings_of(log, rig=None, load_ohm=None, window=None)
     reduction = reduce(read_run(log, load=4.5, origin=settings.origin), window=settings.window)
@@ -151,7 +166,10 @@ def test_a_batch_and_a_check_state_the_origin_of_each_log(simulated: Path, tmp_p
 
 def test_origins_of_several_logs_are_counted() -> None:
     tank, made, unknown = Origin(True, "Tank test."), Origin(False, "Rebuilt"), Origin()
-    assert origin_words([tank, made, unknown]) == "1 measured, 1 not measured, 1 not stated. Tank test; Rebuilt."
+    assert (
+        origin_words([tank, made, unknown])
+        == "1 measured, 1 not measured, 1 not stated. Tank test; Rebuilt."
+    )
     assert joint_origin([tank, made]) == Origin(None, "Tank test; Rebuilt")
     assert banner([tank, made]) == "1 of 2 logs are not measured."
     assert banner([tank, unknown]) == ""

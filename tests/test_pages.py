@@ -1,6 +1,8 @@
-"""Every page of the documents is followed from top to bottom, and prints what it shows; the gallery by `test_pictures.py`.
+"""Every page of the documents is followed from top to bottom, and prints what it shows; the gallery
+by `test_pictures.py`.
 
-`PYTHONPATH=tests python tests/test_pages.py [PAGE ...]` writes what the commands print now into the pages.
+`PYTHONPATH=tests python tests/test_pages.py [PAGE ...]` writes what the commands print now into the
+pages.
 """
 
 import re
@@ -19,9 +21,12 @@ PAGES = [
 ]
 
 LONG = re.compile(
-    r"winchcascade (diagnose|blind|demo|compare|batch (?!.*--reports none))|diagnose\(|--(html|pdf|figures|physics)|pytest"
+    r"winchcascade (diagnose|blind|demo|compare|batch (?!.*--reports "
+    r"none))|diagnose\(|--(html|pdf|figures|physics)|pytest"
 )
-"""What takes more than some ten seconds of a processor: a page with one of these is followed with the slow tests."""
+"""What takes more than some ten seconds of a processor: a page with one of these is followed
+with the slow tests.
+"""
 
 
 def is_long(page: Path) -> bool:
@@ -34,14 +39,18 @@ def parameter(page: Path) -> object:
 
 
 @pytest.mark.parametrize("page", [parameter(page) for page in PAGES])
-def test_a_page_prints_what_it_shows(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_page_prints_what_it_shows(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     if uses_benches(page) and not BENCHES.is_dir():
         pytest.skip("needs ../shared/data/benches, which only the project's own machines have")
     monkeypatch.setenv("MPLBACKEND", "Agg")
     assert follow(page, place_of(page, tmp_path)) == read(page)
 
 
-def test_the_blocks_of_a_page_are_done_in_their_order_and_show_what_they_print(tmp_path: Path) -> None:
+def test_the_blocks_of_a_page_are_done_in_their_order_and_show_what_they_print(
+    tmp_path: Path,
+) -> None:
     page = tmp_path / "page.md"
     page.write_text(FOLLOWED.replace("42", "41"))
     assert follow(page, tmp_path) == FOLLOWED

@@ -1,4 +1,5 @@
-"""The pictures of the documents are those of the present results: the data behind them are compared, never pixels.
+"""The pictures of the documents are those of the present results: the data behind them are
+compared, never pixels.
 
 `python docs/pictures.py` draws them again.
 """
@@ -36,7 +37,9 @@ def picture(name: str) -> object:
 
 @pytest.mark.parametrize("name", [picture(name) for name in sorted(THERE)])
 def test_a_picture_shows_the_present_data(name: str) -> None:
-    assert json.loads(json.dumps(PICTURES.data_of(name))) == STORED[name], f"python docs/pictures.py {name}"
+    assert json.loads(json.dumps(PICTURES.data_of(name))) == STORED[name], (
+        f"python docs/pictures.py {name}"
+    )
     if name in PICTURES.DRAWN:
         drawn = PICTURES.picture_of(name, STORED[name])
         assert read(PICTURES.PICTURES / name) == drawn, f"python docs/pictures.py {name}"
@@ -44,9 +47,16 @@ def test_a_picture_shows_the_present_data(name: str) -> None:
 
 def test_every_picture_is_shown_in_the_gallery_with_its_command_and_all_are_small() -> None:
     gallery = DOCS / "gallery.md"
-    assert set(re.findall(r"!\[[^\]]+\]\(pictures/([\w.]+)\)", read(gallery))) == THERE - {"cascade.svg"}
+    assert set(re.findall(r"!\[[^\]]+\]\(pictures/([\w.]+)\)", read(gallery))) == THERE - {
+        "cascade.svg"
+    }
     assert THERE == {*PICTURES.DRAWN, *PICTURES.WRITTEN} == set(STORED)
-    shown = {line for step in steps(gallery) if step.kind in ("sh", "bash") for line in step.text.splitlines()}
+    shown = {
+        line
+        for step in steps(gallery)
+        if step.kind in ("sh", "bash")
+        for line in step.text.splitlines()
+    }
     assert {re.sub(r" --json \S+", "", one.command) for one in PICTURES.WRITTEN.values()} == shown
     assert sum(path.stat().st_size for path in PICTURES.PICTURES.iterdir()) <= MAX_SIZE
 

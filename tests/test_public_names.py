@@ -11,11 +11,17 @@ import pytest
 import winchcascade
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 
-CLASSES = {name: one for name in winchcascade.__all__ if inspect.isclass(one := getattr(winchcascade, name))}
+CLASSES = {
+    name: one
+    for name in winchcascade.__all__
+    if inspect.isclass(one := getattr(winchcascade, name))
+}
 
 
 def public_calls() -> Iterator[tuple[str, Callable[..., Any]]]:
-    """Public functions and classes, the methods and properties of these, and those of a diagnosis, which a campaign returns."""
+    """Public functions and classes, the methods and properties of these, and those of a
+    diagnosis, which a campaign returns.
+    """
     for name in winchcascade.__all__:
         if callable(found := getattr(winchcascade, name)):
             yield name, found

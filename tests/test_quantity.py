@@ -37,7 +37,9 @@ def test_a_scale_has_its_own_zero(text: str, value: float, zero: float) -> None:
     assert unit.factor * value + unit.offset == pytest.approx(zero, rel=1e-12, abs=1e-6)
 
 
-@pytest.mark.parametrize("text", ["", "furlong", "foo", "N/A", "mPa", "lux", "V/A", "gas", "9**9**9", "m" * 61])
+@pytest.mark.parametrize(
+    "text", ["", "furlong", "foo", "N/A", "mPa", "lux", "V/A", "gas", "9**9**9", "m" * 61]
+)
 def test_text_that_is_no_unit_is_not_taken_for_one(text: str) -> None:
     assert find_unit(text) is None
 

@@ -1,4 +1,6 @@
-"""The three ways to begin that the README names, each with data of a rig that is not the paper's."""
+"""The three ways to begin that the README names, each with data of a rig that is not the
+paper's.
+"""
 
 import json
 import re
@@ -18,7 +20,9 @@ LONGEST = 600
 
 def begin_with(reader: str) -> list[str]:
     """Arguments of the command that the README gives a reader to begin with."""
-    (command,) = re.findall(rf"^\| {reader}[^|]*\| `winchcascade ([^`]+)` \|", read(README), re.MULTILINE)
+    (command,) = re.findall(
+        rf"^\| {reader}[^|]*\| `winchcascade ([^`]+)` \|", read(README), re.MULTILINE
+    )
     return str(command).split()
 
 
@@ -46,13 +50,17 @@ def test_a_test_engineer_gets_the_draft_of_a_campaign(campaign: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_designer_gets_the_gap_of_a_simulation_with_the_rig_file_of_the_readme(campaign: Path) -> None:
+def test_a_designer_gets_the_gap_of_a_simulation_with_the_rig_file_of_the_readme(
+    campaign: Path,
+) -> None:
     assert call("init", campaign, "--write").code == 0
     simulated = campaign.parent / "simulated"
     simulated.mkdir()
     rig = campaign / "rig.toml"
     for log, load in LOGS.items():
-        made = call("simulate", campaign / log, "--rig", rig, "--load-ohm", load, "--out", simulated / log)
+        made = call(
+            "simulate", campaign / log, "--rig", rig, "--load-ohm", load, "--out", simulated / log
+        )
         assert made.code == 0, made.err
     arguments = filled(begin_with("a designer"), CAMPAIGN=campaign, FOLDER=simulated)
     done = call(*arguments, "--json", "-", patience=LONGEST)

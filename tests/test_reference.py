@@ -1,4 +1,6 @@
-"""Every output is the one that is stored in `tests/reference/outputs`; CONTRIBUTING.md describes how to record them."""
+"""Every output is the one that is stored in `tests/reference/outputs`; CONTRIBUTING.md describes
+how to record them.
+"""
 
 import subprocess
 import sys
@@ -11,9 +13,14 @@ RECORD = Path(__file__).parent / "reference" / "record.py"
 
 
 def require_stored(*groups: str) -> None:
-    """The present outputs of some groups, made one after the other in one process, are the stored ones."""
+    """The present outputs of some groups, made one after the other in one process, are the
+    stored ones.
+    """
     done = subprocess.run(
-        [sys.executable, RECORD, "--check", "--only", *groups], capture_output=True, encoding="utf-8", check=False
+        [sys.executable, RECORD, "--check", "--only", *groups],
+        capture_output=True,
+        encoding="utf-8",
+        check=False,
     )
     assert done.returncode == 0, f"\n{done.stdout}{done.stderr}"
 

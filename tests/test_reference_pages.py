@@ -1,4 +1,6 @@
-"""The pages of reference list what the code declares: each command, kind of finding, key of a file and schema once."""
+"""The pages of reference list what the code declares: each command, kind of finding, key of a
+file and schema once.
+"""
 
 import re
 import tomllib
@@ -62,7 +64,10 @@ def test_the_page_of_findings_lists_each_kind_once() -> None:
 @pytest.mark.parametrize("name", PARTS)
 def test_a_table_of_a_rig_file_is_listed_with_its_keys_units_and_defaults(name: str) -> None:
     row = dict(rows(table(section("Rig file"), "table")))[f"`{name}`"]
-    stated = {key: (value, unit) for key, value, unit in re.findall(r"`(\w+)(?: = ([^`]+))?`(?: ([\w./]+))?", row)}
+    stated = {
+        key: (value, unit)
+        for key, value, unit in re.findall(r"`(\w+)(?: = ([^`]+))?`(?: ([\w./]+))?", row)
+    }
     assert sorted(stated) == keys(PARTS[name])
     for field in struct_fields(PARTS[name]):
         value, unit = stated[field.encode_name]

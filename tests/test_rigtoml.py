@@ -60,32 +60,52 @@ def test_a_sensor_of_table_1_is_in_si_units(sensor: str, field: str, si: float) 
     assert getattr(built_in("hsu2026").sensors[sensor], field) == pytest.approx(si, rel=1e-3)
 
 
-def test_the_papers_rig_states_no_calibration_in_place_and_the_rebuilt_campaign_does(fixtures: Path) -> None:
+def test_the_papers_rig_states_no_calibration_in_place_and_the_rebuilt_campaign_does(
+    fixtures: Path,
+) -> None:
     own = parse_rig((fixtures / "campaign" / "rig.toml").read_text(), "rig.toml")
     for name, sensor in built_in("hsu2026").sensors.items():
         assert (sensor.u_zero, sensor.u_gain) == (None, None)
-        calibrated = msgspec.structs.replace(own.sensors[name], u_zero=None, u_gain=None, source=sensor.source)
+        calibrated = msgspec.structs.replace(
+            own.sensors[name], u_zero=None, u_gain=None, source=sensor.source
+        )
         assert calibrated == sensor
     zeros = {"pressure": 0.03 * 98066.5, "force": 2.0, "torque": 0.3, "vdc": 0.05, "idc": 0.005}
-    assert {n: s.u_zero for n, s in own.sensors.items() if s.u_zero} == pytest.approx(zeros, rel=1e-3)
+    assert {n: s.u_zero for n, s in own.sensors.items() if s.u_zero} == pytest.approx(
+        zeros, rel=1e-3
+    )
     assert own.thresholds == built_in("hsu2026").thresholds
 
 
 def test_the_papers_rig_states_every_threshold_and_its_shares_as_the_code_has_them() -> None:
-    assert set(tomllib.loads(built_in_text("hsu2026"))["thresholds"]) == set(Thresholds.__struct_fields__)
+    assert set(tomllib.loads(built_in_text("hsu2026"))["thresholds"]) == set(
+        Thresholds.__struct_fields__
+    )
     stated, usual = built_in("hsu2026").thresholds, Thresholds()
-    shares = [name for name in Thresholds.__struct_fields__ if name not in (*measures(Thresholds), "rpm_bin")]
+    shares = [
+        name
+        for name in Thresholds.__struct_fields__
+        if name not in (*measures(Thresholds), "rpm_bin")
+    ]
     assert [getattr(stated, name) for name in shares] == [getattr(usual, name) for name in shares]
 
 
 def test_a_rig_based_on_another_inherits_no_size_of_its_motion_but_its_shares() -> None:
-    rig = parse_rig('based_on = "kitepower"\nname = "kite"\n[thresholds]\nsettle = 1\n', "kite.toml")
-    stated = {name for name in (*measures(Thresholds), "rpm_bin") if not math.isnan(getattr(rig.thresholds, name))}
+    rig = parse_rig(
+        'based_on = "kitepower"\nname = "kite"\n[thresholds]\nsettle = 1\n', "kite.toml"
+    )
+    stated = {
+        name
+        for name in (*measures(Thresholds), "rpm_bin")
+        if not math.isnan(getattr(rig.thresholds, name))
+    }
     assert stated == {"settle"}
     assert (rig.thresholds.window, rig.thresholds.reversal_max) == ("payout", 0.2)
 
 
-@pytest.mark.parametrize(("k_e", "kept"), [(0.062, True), (0.067, True), (0.07, False), (0.03, False)])
+@pytest.mark.parametrize(
+    ("k_e", "kept"), [(0.062, True), (0.067, True), (0.07, False), (0.03, False)]
+)
 def test_rated_values_are_those_of_a_machine_with_the_same_constant(k_e: float, kept: bool) -> None:
     entry = f'[generator]\nk_e = {{ value = {k_e}, unit = "V/rpm" }}\n'
     machine = parse_rig(f'based_on = "hsu2026"\nname = "mine"\n{entry}', "mine.toml").generator
@@ -128,7 +148,8 @@ def test_an_uncertainty_is_one_standard_uncertainty_or_limits_of_a_rectangular_d
 
 
 @pytest.mark.parametrize(
-    ("stated", "u"), [("", 0.001), ("load_u_percent = 2", 0.02), ("load_limits_percent = 2", 0.02 / math.sqrt(3.0))]
+    ("stated", "u"),
+    [("", 0.001), ("load_u_percent = 2", 0.02), ("load_limits_percent = 2", 0.02 / math.sqrt(3.0))],
 )
 def test_the_uncertainty_of_a_load_replaces_that_of_the_rig_below(stated: str, u: float) -> None:
     rig = parse_rig(f'based_on = "hsu2026"\nname = "mine"\n[dc_link]\n{stated}\n', "mine.toml")
@@ -142,17 +163,22 @@ def test_the_uncertainty_of_a_load_replaces_that_of_the_rig_below(stated: str, u
         ("dc_link", "load_tolerance_percent = 1", "load_"),
     ],
 )
-def test_a_tolerance_is_rejected_with_both_keys_that_replace_it(table: str, entry: str, load: str) -> None:
+def test_a_tolerance_is_rejected_with_both_keys_that_replace_it(
+    table: str, entry: str, load: str
+) -> None:
     with pytest.raises(RigError) as fault:
         parse_rig(f"{MINIMAL}[{table}]\n{entry}\n", "mine.toml")
-    assert {f"{load}u_percent", f"{load}limits_percent"} <= set(re.findall(r"\w+", str(fault.value)))
+    assert {f"{load}u_percent", f"{load}limits_percent"} <= set(
+        re.findall(r"\w+", str(fault.value))
+    )
     assert f"[{table}]" in str(fault.value)
 
 
 def test_a_rig_based_on_another_says_only_what_differs() -> None:
     rig = parse_rig(
         'based_on = "hsu2026"\nname = "mine"\n[winch]\nr_drum = { value = 200, unit = "mm" }\n'
-        '[columns]\nforce = { name = "LC1", unit = "kN" }\nvelocity = "enc"\n[thresholds]\nsettle = 1\nwindow = 5.48\n',
+        '[columns]\nforce = { name = "LC1", unit = "kN" }\nvelocity = "enc"\n[thresholds]\nsettle '
+        "= 1\nwindow = 5.48\n",
         "mine.toml",
     )
     assert rig.r_drum == 0.2
@@ -201,7 +227,9 @@ NAME [phases]; from = "column" @ [phases] column payout
 NAME [phases]; ranges_s = [[3, 2]] @ [phases] ranges_s begins
 based_on = "other" @ based_on 'other' hsu2026
 """
-"""Rig files that cannot be used, and words of the sentence: the place, what was found, what was expected."""
+"""Rig files that cannot be used, and words of the sentence: the place, what was found, what was
+expected.
+"""
 
 
 def test_a_wrong_entry_is_one_sentence_with_its_place() -> None:

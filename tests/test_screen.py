@@ -1,4 +1,6 @@
-"""What commands print in a terminal: its width, its colours, --quiet and the list of files, by a terminal of the system."""
+"""What commands print in a terminal: its width, its colours, --quiet and the list of files, by a
+terminal of the system.
+"""
 
 import json
 import os
@@ -27,7 +29,16 @@ COMMANDS = {
     "reduce": ("reduce", LOG),
     "reduce with findings": ("reduce", "fixtures/damaged_logs/dropouts.csv", "--load-ohm", "36"),
     "batch": ("batch", "fixtures/damaged_logs", "--out", "out", "--reports", "none", "--jobs", "1"),
-    "check": ("check", "fixtures/campaign", "--against", TABLE, "--tolerance", "deviation=0", "--jobs", "1"),
+    "check": (
+        "check",
+        "fixtures/campaign",
+        "--against",
+        TABLE,
+        "--tolerance",
+        "deviation=0",
+        "--jobs",
+        "1",
+    ),
     "compare": ("compare", LOG, "fixtures/campaign", "--max-drop", "0", "--jobs", "1"),
     "audit": ("audit", TABLE),
     "simulate": ("simulate", LOG, "--out", "s.csv"),
@@ -43,7 +54,9 @@ def shown(*words: str, columns: int, **environment: str) -> str:
     """What a command shows in a terminal of some columns, on both streams."""
     ours, its = pty.openpty()
     fcntl.ioctl(its, termios.TIOCSWINSZ, struct.pack("HHHH", 40, columns, 0, 0))
-    present = {name: text for name, text in os.environ.items() if name not in ("COLUMNS", "NO_COLOR")}
+    present = {
+        name: text for name, text in os.environ.items() if name not in ("COLUMNS", "NO_COLOR")
+    }
     process = subprocess.Popen(
         [sys.executable, "-m", "winchcascade", *words],
         stdin=its, stdout=its, stderr=its, env=present | {"TERM": "xterm-256color"} | environment,
@@ -99,7 +112,13 @@ def test_a_terminal_shows_colours_and_the_same_text_without_them(place: Path) ->
     assert COLOUR.search(coloured)
     assert not COLOUR.search(plain)
     assert [line.rstrip() for line in COLOUR.sub("", coloured).splitlines()] == plain.splitlines()
-    assert set(COLOUR.findall(coloured)) <= {"\x1b[1m", "\x1b[2m", "\x1b[32m", "\x1b[33m", "\x1b[0m"}
+    assert set(COLOUR.findall(coloured)) <= {
+        "\x1b[1m",
+        "\x1b[2m",
+        "\x1b[32m",
+        "\x1b[33m",
+        "\x1b[0m",
+    }
 
 
 def test_a_name_from_a_file_cannot_colour_the_terminal(place: Path) -> None:
@@ -135,7 +154,10 @@ def test_quiet_prints_only_what_fails_with_the_same_exit_code(place: Path, name:
 
 
 def test_quiet_keeps_json_on_standard_output_and_the_error_of_a_wrong_input(place: Path) -> None:
-    assert json.loads(call("reduce", LOG, "--json", "-", "--quiet").out)["schema"] == "winchcascade/reduction/1"
+    assert (
+        json.loads(call("reduce", LOG, "--json", "-", "--quiet").out)["schema"]
+        == "winchcascade/reduction/1"
+    )
     wrong = call("reduce", "nowhere.csv", "--quiet")
     assert (wrong.code, wrong.out) == (2, "")
     assert wrong.err.startswith("winchcascade: nowhere.csv")
@@ -145,19 +167,37 @@ def test_quiet_keeps_json_on_standard_output_and_the_error_of_a_wrong_input(plac
     "words",
     [
         ("reduce", LOG, "--json", "r.json", "--html", "r.html", "--parquet", "tables"),
-        ("check", "fixtures/campaign", "--against", TABLE, "--json", "r.json", "--junit", "r.xml", "--jobs", "1"),
+        (
+            "check",
+            "fixtures/campaign",
+            "--against",
+            TABLE,
+            "--json",
+            "r.json",
+            "--junit",
+            "r.xml",
+            "--jobs",
+            "1",
+        ),
         ("audit", TABLE, "--json", "r.json"),
         ("simulate", LOG, "--out", "r.csv"),
-        ("calibrate", "fixtures/campaign/open_circuit.csv", "--json", "r.json", "--write", "rig.toml"),
+        (
+            "calibrate",
+            "fixtures/campaign/open_circuit.csv",
+            "--json",
+            "r.json",
+            "--write",
+            "rig.toml",
+        ),
         ("batch", "fixtures/campaign", "--out", "out", "--reports", "none", "--jobs", "1"),
     ],
     ids=lambda words: words[0],
 )
 def test_a_command_lists_the_files_that_it_wrote(place: Path, words: tuple[str, ...]) -> None:
     out = call(*words).out
-    wanted = [word for word in words if word.startswith("r.") or word in ("tables", "rig.toml")] or [
-        "out/campaign.json"
-    ]
+    wanted = [
+        word for word in words if word.startswith("r.") or word in ("tables", "rig.toml")
+    ] or ["out/campaign.json"]
     assert all(re.search(rf"(?m)(^|\s){re.escape(name)}( |$)", out) for name in wanted)
     assert all((place / name).exists() for name in wanted)
 
@@ -169,7 +209,10 @@ def test_every_option_has_a_sentence_for_its_help(place: Path) -> None:
     commands = [("", whole)]
     while commands:
         name, command = commands.pop()
-        commands += [(f"{name} {below}".strip(), one) for below, one in getattr(command, "commands", {}).items()]
+        commands += [
+            (f"{name} {below}".strip(), one)
+            for below, one in getattr(command, "commands", {}).items()
+        ]
         for parameter in command.params:
             text = getattr(parameter, "help", None)
             assert text, f"{name}: {parameter.name}"

@@ -28,19 +28,25 @@ def modules_after(arguments: list[str]) -> set[str]:
         "try:\n    main()\nexcept SystemExit:\n    pass\n"
         "sys.stderr.write('\\nMODULES ' + ' '.join(sys.modules))\n"
     )
-    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True
+    )
     return set(done.stderr.split("MODULES ")[1].split())
 
 
 @pytest.mark.parametrize("json", [[], ["--json", "-"]], ids=["table", "json"])
 def test_reduce_of_a_csv_log_imports_nothing_slow(fixtures: Path, json: list[str]) -> None:
     loaded = modules_after(["reduce", str(fixtures / "campaign" / "r36ohm.csv"), *json])
-    assert not {name for name in SLOW if name in loaded} - ({"rich"} if not json else set())  # lays out the tables
+    assert not {name for name in SLOW if name in loaded} - (
+        {"rich"} if not json else set()
+    )  # lays out the tables
 
 
 def test_a_batch_without_reports_imports_nothing_that_draws(fixtures: Path, tmp_path: Path) -> None:
     log = str(fixtures / "campaign" / "r36ohm.csv")
-    loaded = modules_after(["batch", log, "--out", str(tmp_path / "out"), "--reports", "none", "--jobs", "1"])
+    loaded = modules_after(
+        ["batch", log, "--out", str(tmp_path / "out"), "--reports", "none", "--jobs", "1"]
+    )
     assert not {"matplotlib", "jinja2", "typst"} & loaded
 
 
@@ -49,9 +55,7 @@ def test_help_imports_no_arrays() -> None:
 
 
 def test_the_json_of_a_diagnosis_imports_no_figures() -> None:
-    modules = (
-        "batch.campaign_diagnosis report.results.diagnosis_record cli.diagnose_command diagnosis.handover.model_export"
-    )
+    modules = "batch.campaign_diagnosis report.results.diagnosis_record cli.diagnose_command diagnosis.handover.model_export"
     imports = "; ".join(f"import winchcascade.{name}" for name in modules.split())
     code = f"import sys; {imports}; sys.stdout.write(' '.join(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

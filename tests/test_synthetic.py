@@ -27,7 +27,13 @@ EXACT = 1e-3
 """The noise-free clock ticks in milliseconds [s]."""
 ROUNDED = 0.05
 """The force, in steps of 1.96 N, is written with one decimal [N]."""
-LINEAR = replace(BASE, payouts=((9.6, 0.8),), ramp=("linear", 2.0), brake=("linear", 1.0), haul_ramp=("linear", 1.0))
+LINEAR = replace(
+    BASE,
+    payouts=((9.6, 0.8),),
+    ramp=("linear", 2.0),
+    brake=("linear", 1.0),
+    haul_ramp=("linear", 1.0),
+)
 """Ramps of 0.4 m/s2 from a kink at 5 s."""
 
 
@@ -109,7 +115,9 @@ def test_the_plateau_is_near_the_example_log() -> None:
     assert seen == pytest.approx([2520, 298, 238, 6.6], rel=0.05)
 
 
-@pytest.mark.parametrize("name", ["stop", "long_early_stop", "reversal", "long_reversal", "everything"])
+@pytest.mark.parametrize(
+    "name", ["stop", "long_early_stop", "reversal", "long_reversal", "everything"]
+)
 @pytest.mark.parametrize("smoothed", [False, True])
 def test_stops_and_short_reversals_belong_to_their_payout(name: str, smoothed: bool) -> None:
     found = truth(SCENARIOS[name], smoothed=smoothed)
@@ -129,7 +137,9 @@ def test_stops_and_short_reversals_belong_to_their_payout(name: str, smoothed: b
         ("aborted_payout", [True, True, True]),
     ],
 )
-def test_a_cycle_is_complete_when_its_whole_window_is_logged(name: str, complete: list[bool]) -> None:
+def test_a_cycle_is_complete_when_its_whole_window_is_logged(
+    name: str, complete: list[bool]
+) -> None:
     assert [cycle.complete for cycle in truth(SCENARIOS[name]).cycles] == complete
 
 
@@ -142,7 +152,9 @@ def test_means_and_deviations_leave_out_incomplete_cycles() -> None:
     found = truth(SCENARIOS["ends_in_ramp"])
     first, second = (float(cycle.metrics["eta_pto"] or 0) for cycle in found.cycles[:2])
     assert found.mean["eta_pto"] == pytest.approx((first + second) / 2)
-    assert found.max_deviation_percent["eta_pto"] == pytest.approx(100 * abs(first - second) / (first + second))
+    assert found.max_deviation_percent["eta_pto"] == pytest.approx(
+        100 * abs(first - second) / (first + second)
+    )
     assert truth(SCENARIOS["one_cycle"]).max_deviation_percent["eta_pto"] is None
 
 
@@ -153,7 +165,10 @@ def test_every_scenario_keeps_the_rig_in_bounds(name: str) -> None:
     exact = signals(moved, scenario.load)
     assert exact.force.min() >= 0
     assert np.all(exact.torque[exact.velocity <= 0] == 0)
-    assert all(np.isfinite(column).all() for column in make_log(scenario, np.random.default_rng(0)).columns.values())
+    assert all(
+        np.isfinite(column).all()
+        for column in make_log(scenario, np.random.default_rng(0)).columns.values()
+    )
     assert np.abs(np.diff(moved.v)).max() < 0.01  # no jump of velocity: ramps join
 
 
@@ -177,7 +192,9 @@ def test_the_line_is_back_at_zero_after_every_haul_in() -> None:
 def test_a_log_without_noise_reads_the_exact_signals() -> None:
     log = make_log(SCENARIOS["exact"], np.random.default_rng(0))
     moved = motion(SCENARIOS["exact"])
-    assert log.columns["Velocity (m/s)"] == pytest.approx(np.interp(log.t, moved.t, moved.v), abs=1e-12)
+    assert log.columns["Velocity (m/s)"] == pytest.approx(
+        np.interp(log.t, moved.t, moved.v), abs=1e-12
+    )
 
 
 def test_the_same_seed_makes_the_same_log() -> None:
@@ -200,4 +217,6 @@ def test_a_written_log_has_the_headers_of_the_example(scenario: Scenario, tmp_pa
     assert lines[0] == headers
     assert len(lines) == log.t.size + 1
     last = [float(text) for text in lines[-1].split(",")]
-    assert last == pytest.approx([log.t[-1], *(column[-1] for column in log.columns.values())], abs=ROUNDED)
+    assert last == pytest.approx(
+        [log.t[-1], *(column[-1] for column in log.columns.values())], abs=ROUNDED
+    )

@@ -1,4 +1,6 @@
-"""Jobs on processes: every job has one outcome, whatever the others do; a signal ends a process without its scratch."""
+"""Jobs on processes: every job has one outcome, whatever the others do; a signal ends a process
+without its scratch.
+"""
 
 import os
 import signal
@@ -65,8 +67,13 @@ def test_every_job_has_exactly_one_outcome(jobs: int, workers: int) -> None:
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_a_job_that_fails_is_a_sentence_and_the_others_complete(tmp_path: Path, workers: int) -> None:
-    tasks = [Task(does, k, tmp_path) for k, does in enumerate(["good", "fault", "error", "missing", "good"])]
+def test_a_job_that_fails_is_a_sentence_and_the_others_complete(
+    tmp_path: Path, workers: int
+) -> None:
+    tasks = [
+        Task(does, k, tmp_path)
+        for k, does in enumerate(["good", "fault", "error", "missing", "good"])
+    ]
     found = by_place(run_here(work, tasks, workers=workers), 5)
     assert [outcome.value for outcome in found] == [0, None, None, None, 8]
     assert [outcome.rejected for outcome in found] == [False, True, False, False, False]
@@ -76,8 +83,13 @@ def test_a_job_that_fails_is_a_sentence_and_the_others_complete(tmp_path: Path, 
 
 @POSIX
 def test_a_job_that_ends_its_process_is_a_sentence_and_the_others_complete() -> None:
-    found = by_place(run_here(work, [Task("kill" if k in (2, 9) else "good", k) for k in range(12)], workers=2), 12)
-    assert [outcome.value for outcome in found] == [None if k in (2, 9) else 2 * k for k in range(12)]
+    found = by_place(
+        run_here(work, [Task("kill" if k in (2, 9) else "good", k) for k in range(12)], workers=2),
+        12,
+    )
+    assert [outcome.value for outcome in found] == [
+        None if k in (2, 9) else 2 * k for k in range(12)
+    ]
     assert all("memory" in (found[k].fault or "") for k in (2, 9))
 
 
@@ -90,13 +102,19 @@ def test_a_job_whose_process_died_once_is_tried_again(tmp_path: Path) -> None:
 def test_a_script_without_a_guard_is_told_what_to_do(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(
-        "import os\nfrom winchcascade.core.errors import OptionError\nfrom winchcascade.core.jobs import run_here\n"
-        "try:\n    print(len(list(run_here(os.path.basename, ['a'] * 4, workers=2))), 'outcomes')\n"
+        "import os\nfrom winchcascade.core.errors import OptionError\nfrom winchcascade.core.jobs "
+        "import run_here\n"
+        "try:\n    print(len(list(run_here(os.path.basename, ['a'] * 4, workers=2))), "
+        "'outcomes')\n"
         "except OptionError as fault:\n    print(fault)\n"
     )
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
     assert "no further process can be started; work with one (jobs=1, or --jobs 1)." in done.stdout
-    guarded = script.read_text().replace("try:", "if __name__ == '__main__':\n  try:").replace("\nexcept", "\n  except")
+    guarded = (
+        script.read_text()
+        .replace("try:", "if __name__ == '__main__':\n  try:")
+        .replace("\nexcept", "\n  except")
+    )
     script.write_text(guarded)
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("4 outcomes\n", "")
@@ -125,7 +143,9 @@ def wait_for_the_end_of(process: int) -> None:
 
 def test_linear_algebra_has_one_thread_within_a_diagnosis_and_as_many_as_before_after_it() -> None:
     def threads() -> set[int]:
-        return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
+        return {
+            library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"
+        }
 
     np.linalg.inv(np.eye(2))  # loads the library
     with threadpool_limits(2, user_api="blas"):
@@ -151,7 +171,10 @@ def wait():
 def ended(place: Path, script: str, by: signal.Signals) -> tuple[int, str, str]:
     """Exit code and what was printed of a script that is ended when it is ready."""
     with subprocess.Popen(  # unbuffered: what follows the first line is left to `communicate`
-        [sys.executable, "-c", BEGIN + script, str(place)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, bufsize=0
+        [sys.executable, "-c", BEGIN + script, str(place)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        bufsize=0,
     ) as process:
         assert process.stdout is not None
         process.stdout.readline()
@@ -161,8 +184,12 @@ def ended(place: Path, script: str, by: signal.Signals) -> tuple[int, str, str]:
 
 
 @POSIX
-@pytest.mark.parametrize(("by", "expected"), [(signal.SIGINT, "one sentence.\n"), (signal.SIGTERM, "")])
-def test_a_process_ends_at_once_without_its_scratch(tmp_path: Path, by: signal.Signals, expected: str) -> None:
+@pytest.mark.parametrize(
+    ("by", "expected"), [(signal.SIGINT, "one sentence.\n"), (signal.SIGTERM, "")]
+)
+def test_a_process_ends_at_once_without_its_scratch(
+    tmp_path: Path, by: signal.Signals, expected: str
+) -> None:
     script = "with scratch_file(here), scratch_folder(here) as made:\n    (made / 'part').touch()\n    wait()"
     assert ended(tmp_path, script, by) == (128 + by, "", expected)
     assert os.listdir(tmp_path) == []
@@ -171,7 +198,8 @@ def test_a_process_ends_at_once_without_its_scratch(tmp_path: Path, by: signal.S
 @POSIX
 def test_a_process_ends_even_within_the_callback_of_a_weak_reference(tmp_path: Path) -> None:
     script = (
-        "class Thing: pass\nthing = Thing()\nseen = weakref.ref(thing, lambda _: os.kill(os.getpid(), signal.SIGINT))\n"
+        "class Thing: pass\nthing = Thing()\nseen = weakref.ref(thing, lambda _: "
+        "os.kill(os.getpid(), signal.SIGINT))\n"
         "print('ready', flush=True)\ndel thing\nprint('still here', flush=True)"
     )
     assert ended(tmp_path, script, signal.SIGCONT) == (130, "", "one sentence.\n")
@@ -180,7 +208,8 @@ def test_a_process_ends_even_within_the_callback_of_a_weak_reference(tmp_path: P
 @POSIX
 def test_a_signal_that_is_ignored_stays_ignored(tmp_path: Path) -> None:
     script = (
-        "signal.signal(signal.SIGINT, signal.SIG_IGN)\nend_on_signals({})\nprint('ready', flush=True)\n"
+        "signal.signal(signal.SIGINT, signal.SIG_IGN)\nend_on_signals({})\nprint('ready', "
+        "flush=True)\n"
         "os.kill(os.getpid(), signal.SIGINT)\nprint('still here', flush=True)"
     )
     assert ended(tmp_path, script, signal.SIGCONT) == (0, "still here\n", "")

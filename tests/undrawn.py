@@ -1,4 +1,6 @@
-"""Reports without their drawings, for tests that look at something else: drawing takes most of the time of a page."""
+"""Reports without their drawings, for tests that look at something else: drawing takes most of
+the time of a page.
+"""
 
 import io
 from collections.abc import Iterator
@@ -11,7 +13,9 @@ from matplotlib.figure import Figure
 
 @contextmanager
 def undrawn() -> Iterator[None]:
-    """Within this context every figure of a report that is made in this process is an empty drawing."""
+    """Within this context every figure of a report that is made in this process is an empty
+    drawing.
+    """
 
     def savefig(_figure: Figure, out: IO[Any], **_options: Any) -> None:
         out.write(EMPTY.encode() if isinstance(out, io.BytesIO) else EMPTY)

@@ -1,6 +1,8 @@
-"""A rig and its logs in other units of nature: every dimensionless number stays, and so do pressures, as the atmosphere does.
+"""A rig and its logs in other units of nature: every dimensionless number stays, and so do
+pressures, as the atmosphere does.
 
-By similarity (Buckingham 1914) all that is found of them must be the same, each number times its factor.
+By similarity (Buckingham 1914) all that is found of them must be the same, each number times its
+factor.
 """
 
 from __future__ import annotations
@@ -23,7 +25,9 @@ SPAN = 8.0
 """Largest factor of a drawn unit, and the inverse of the smallest. [1]"""
 
 EXACTLY = 1e-6
-"""Relative difference of what is found in two systems of units: rounding, which the steps of a fit enlarge. [1]"""
+"""Relative difference of what is found in two systems of units: rounding, which the steps of a
+fit enlarge. [1]
+"""
 
 
 class Nature(NamedTuple):
@@ -114,7 +118,9 @@ NUMBERS = {
     "sensors.electrical_lag": "time",
     "sensors.zero.force": "force",
 }
-"""Numbers with a unit, by their names in a rig file or else in the model; any other has none, or is a pressure."""
+"""Numbers with a unit, by their names in a rig file or else in the model; any other has none, or
+is a pressure.
+"""
 
 OF_LAWS = {
     "clutch_drag.torque": "torque",
@@ -153,16 +159,32 @@ def run_in(nature: Nature, run: Run) -> Run:
     gaps = {name: x * nature.time for name, x in run.gaps.items()}
     load = None if run.load is None else run.load * nature.ohm
     return msgspec.structs.replace(
-        run, t=run.t * nature.time, channels=channels, gaps=gaps, fs=run.fs / nature.time, load=load, findings=()
+        run,
+        t=run.t * nature.time,
+        channels=channels,
+        gaps=gaps,
+        fs=run.fs / nature.time,
+        load=load,
+        findings=(),
     )
 
 
 def rig_in(nature: Nature, rig: Rig) -> Rig:
     """A rig in other units."""
-    sections = {part: _part_in(nature, part, getattr(rig, part)) for part in ("winch", "restoring", "drivetrain")}
-    sections |= {part: _part_in(nature, part, getattr(rig, part)) for part in ("generator", "dc_link")}
-    sensors = {name: _sensor_in(nature.of(CHANNELS.get(name, "")), sensor) for name, sensor in rig.sensors.items()}
-    limits = {name: getattr(rig.thresholds, name) * nature.of(unit) for name, unit in THRESHOLDS.items()}
+    sections = {
+        part: _part_in(nature, part, getattr(rig, part))
+        for part in ("winch", "restoring", "drivetrain")
+    }
+    sections |= {
+        part: _part_in(nature, part, getattr(rig, part)) for part in ("generator", "dc_link")
+    }
+    sensors = {
+        name: _sensor_in(nature.of(CHANNELS.get(name, "")), sensor)
+        for name, sensor in rig.sensors.items()
+    }
+    limits = {
+        name: getattr(rig.thresholds, name) * nature.of(unit) for name, unit in THRESHOLDS.items()
+    }
     thresholds = msgspec.structs.replace(rig.thresholds, **limits)
     return msgspec.structs.replace(rig, **sections, sensors=sensors, thresholds=thresholds)
 
@@ -172,7 +194,11 @@ def _part_in(nature: Nature, section: str, part: msgspec.Struct) -> Any:
     stated = {name: getattr(part, name) for name in part.__struct_fields__}
     numbers = {name: x for name, x in stated.items() if isinstance(x, Quantity)}
     return msgspec.structs.replace(
-        part, **{name: _times(x, nature.of(NUMBERS.get(f"{section}.{name}", ""))) for name, x in numbers.items()}
+        part,
+        **{
+            name: _times(x, nature.of(NUMBERS.get(f"{section}.{name}", "")))
+            for name, x in numbers.items()
+        },
     )
 
 
@@ -203,5 +229,7 @@ def factors_of(nature: Nature, effect: Effect) -> np.ndarray:
 def motion_in(nature: Nature, scale: MotionScale) -> MotionScale:
     """Scales of a motion in other units."""
     return MotionScale(
-        scale.speed * nature.length / nature.time, scale.ramp * nature.time, scale.stroke * nature.length
+        scale.speed * nature.length / nature.time,
+        scale.ramp * nature.time,
+        scale.stroke * nature.length,
     )

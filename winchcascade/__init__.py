@@ -112,7 +112,9 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name where it is first used, so that `winchcascade --help` waits for none of them."""
+    """Import a public name where it is first used, so that `winchcascade --help` waits for none
+    of them.
+    """
     if name not in HOMES:
         raise AttributeError(f"module 'winchcascade' has no attribute {name!r}")
     return public(name)

@@ -1,4 +1,6 @@
-"""A batch: what is done is kept, what has changed is done anew, and nothing is left half-written whatever happens."""
+"""A batch: what is done is kept, what has changed is done anew, and nothing is left half-written
+whatever happens.
+"""
 
 import json
 import os
@@ -75,7 +77,9 @@ def batch(
         return run_batch(plan, out, products, workers=Workers(jobs), force=force, watch=seen), seen
 
 
-def redone(*targets: Path, out: Path, reports: Sequence[str] = (), rig: str | None = None) -> list[str]:
+def redone(
+    *targets: Path, out: Path, reports: Sequence[str] = (), rig: str | None = None
+) -> list[str]:
     """Names of the logs that a further call works on."""
     return sorted(batch(*targets, out=out, reports=reports, rig=rig)[1].names)
 
@@ -83,7 +87,9 @@ def redone(*targets: Path, out: Path, reports: Sequence[str] = (), rig: str | No
 def files(out: Path) -> list[Path]:
     """Every file of a folder but the scratch files of calls that were cut short."""
     paths = (path for path in out.rglob("*") if path.is_file())
-    return sorted(p for p in paths if not any(part.startswith(".") for part in p.relative_to(out).parts))
+    return sorted(
+        p for p in paths if not any(part.startswith(".") for part in p.relative_to(out).parts)
+    )
 
 
 def contents(out: Path) -> dict[str, bytes]:
@@ -98,7 +104,10 @@ def with_campaign(folder: Path, rig: str = "") -> Path:
     folder.mkdir(parents=True)
     for name in LOGS:
         shutil.copy(FIXTURES / "campaign" / name, folder)
-    runs = [f'[[run]]\nfile = "{name}"\nload_ohm = {load}\nwindow_s = {w}\n' for name, (load, w) in LOGS.items()]
+    runs = [
+        f'[[run]]\nfile = "{name}"\nload_ohm = {load}\nwindow_s = {w}\n'
+        for name, (load, w) in LOGS.items()
+    ]
     (folder / "campaign.toml").write_text(f'title = "Two loads"\n{rig}' + "".join(runs))
     return folder
 
@@ -124,7 +133,7 @@ def summary(out: Path) -> dict[str, dict[str, object]]:
     return {run["name"]: run for run in json.loads((out / "campaign.json").read_bytes())["runs"]}
 
 
-# ------------------------------------------------------------------------------------------------------ what is made
+# ----------------------------------------------------------------------------------- what is made
 def test_a_result_is_that_of_reduce(campaign: Path, done: Path) -> None:
     for name in LOGS:
         record = json.loads((done / "runs" / f"{name}.json").read_bytes())
@@ -157,7 +166,10 @@ def with_reports(place: Path, reports: str) -> Path:
     arguments = ("--out", "out", "--reports", reports, "--jobs", "2")
     log = FIXTURES / "campaign" / "r9ohm.csv"
     with undrawn():
-        assert winchcascade("batch", log, *arguments, cwd=place, SOURCE_DATE_EPOCH=EPOCH).returncode == 0
+        assert (
+            winchcascade("batch", log, *arguments, cwd=place, SOURCE_DATE_EPOCH=EPOCH).returncode
+            == 0
+        )
     return place / "out"
 
 
@@ -169,7 +181,11 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def listed(*endings: str) -> set[str]:
     names = {f"{name}.{ending}" for name in ("campaign", "runs/r9ohm.csv") for ending in endings}
     names |= {"index.html"} if "html" in endings else set()
-    return names | {"campaign.json", "runs/r9ohm.csv.json", *(f"dataset/{table}.parquet" for table in TABLES)}
+    return names | {
+        "campaign.json",
+        "runs/r9ohm.csv.json",
+        *(f"dataset/{table}.parquet" for table in TABLES),
+    }
 
 
 def test_just_the_reports_that_are_asked_for_are_written(page: Path, tmp_path: Path) -> None:
@@ -179,7 +195,9 @@ def test_just_the_reports_that_are_asked_for_are_written(page: Path, tmp_path: P
 
 
 @pytest.mark.slow
-def test_all_reports_are_page_and_pdf_and_a_further_call_adds_the_pdf(page: Path, tmp_path: Path) -> None:
+def test_all_reports_are_page_and_pdf_and_a_further_call_adds_the_pdf(
+    page: Path, tmp_path: Path
+) -> None:
     shutil.copytree(page, tmp_path / "out")
     assert set(contents(with_reports(tmp_path, "all"))) == listed("html", "pdf")
 
@@ -192,17 +210,21 @@ def test_a_repeatable_build_gives_the_same_reports(page: Path, tmp_path: Path) -
 def test_links_of_the_page_lead_to_files(tmp_path: Path, out: Path) -> None:
     log = Path(shutil.copy(FIXTURES / "campaign" / "r9ohm.csv", tmp_path / "50 % #2 測é.csv"))
     batch(log, out=out, reports=["html"])
-    links = re.findall(r'href="(?!#|data:)([^"]*)"', (out / "campaign.html").read_text(encoding="utf-8"))
+    links = re.findall(
+        r'href="(?!#|data:)([^"]*)"', (out / "campaign.html").read_text(encoding="utf-8")
+    )
     assert {unquote(link) for link in links} == {"runs/50 % #2 測é.csv.html", "index.html"}
     assert all((out / unquote(link)).is_file() for link in links)
 
 
-def test_any_number_of_processes_gives_the_same_bytes(campaign: Path, done: Path, tmp_path: Path) -> None:
+def test_any_number_of_processes_gives_the_same_bytes(
+    campaign: Path, done: Path, tmp_path: Path
+) -> None:
     batch(campaign, out=tmp_path / "two", jobs=2)
     assert contents(tmp_path / "two") == contents(done)
 
 
-# ----------------------------------------------------------------------------------------- what is kept, what is redone
+# ------------------------------------------------------------------- what is kept, what is redone
 def kept(said: str) -> int:
     """How many logs the terminal states as kept."""
     found = re.search(r"^kept +(\d+) of \d+ logs", said, re.MULTILINE)
@@ -227,7 +249,10 @@ def test_changed_content_redoes_that_log_and_the_campaign(campaign: Path, done: 
     assert {name for name in after if after[name] == before[name]} == {"runs/r36ohm.csv.json"}
     rows = parquet.read_table(done / "dataset" / "runs_all.parquet").to_pylist()
     assert [row["samples"] for row in rows] == [2767, 3411 - 10]
-    assert summary(done)["r9ohm.csv"]["mean"] == json.loads((done / "runs" / "r9ohm.csv.json").read_bytes())["mean"]
+    assert (
+        summary(done)["r9ohm.csv"]["mean"]
+        == json.loads((done / "runs" / "r9ohm.csv.json").read_bytes())["mean"]
+    )
 
 
 def test_a_changed_window_redoes_that_log(campaign: Path, done: Path) -> None:
@@ -253,10 +278,14 @@ def test_another_rig_by_option_redoes_all(campaign: Path, done: Path, tmp_path: 
     assert redone(campaign, out=done, rig=str(tmp_path / "mine.toml")) == list(LOGS)
 
 
-def test_results_of_a_log_listed_twice_are_replaced_and_those_of_another_call_stay(tmp_path: Path, out: Path) -> None:
+def test_results_of_a_log_listed_twice_are_replaced_and_those_of_another_call_stay(
+    tmp_path: Path, out: Path
+) -> None:
     ours = with_campaign(tmp_path / "ours", 'rig = "rig.toml"\n')
     path, rig = ours / "campaign.toml", ours / "rig.toml"
-    twice = "".join(f'[[run]]\nfile = "r9ohm.csv"\nload_ohm = 9.0\ncycles = {c}\n' for c in ("[1, 2]", "[2, 3]"))
+    twice = "".join(
+        f'[[run]]\nfile = "r9ohm.csv"\nload_ohm = 9.0\ncycles = {c}\n' for c in ("[1, 2]", "[2, 3]")
+    )
     path.write_text(f'rig = "rig.toml"\n{twice}')
     logs = ["r9ohm.csv-cycles-1-2", "r9ohm.csv-cycles-2-3"]
     for name in ("ours", "ours now"):
@@ -319,8 +348,12 @@ def test_a_damaged_result_is_made_again(campaign: Path, done: Path) -> None:
 
 
 @pytest.mark.slow
-def test_what_a_call_in_between_did_not_ask_for_is_not_left_of_another_log(tmp_path: Path, out: Path) -> None:
-    """With a report and a workbook, then changed and without, then with: what is there is of the log as it is now."""
+def test_what_a_call_in_between_did_not_ask_for_is_not_left_of_another_log(
+    tmp_path: Path, out: Path
+) -> None:
+    """With a report and a workbook, then changed and without, then with: what is there is of the
+    log as it is now.
+    """
     log = tmp_path / "log.csv"
     samples, tiles = [], []
     for name, asked in (("r36ohm.csv", True), ("r9ohm.csv", False), ("r9ohm.csv", True)):
@@ -328,7 +361,10 @@ def test_what_a_call_in_between_did_not_ask_for_is_not_left_of_another_log(tmp_p
         batch(log, out=out, reports=["html"] if asked else [], workbook=asked)
         if asked:
             tiles.append(
-                re.findall(r'<span class="value">([^<]*)', (out / "campaign.html").read_text(encoding="utf-8"))
+                re.findall(
+                    r'<span class="value">([^<]*)',
+                    (out / "campaign.html").read_text(encoding="utf-8"),
+                )
             )
             head, _, row = openpyxl.load_workbook(out / "campaign.xlsx")["runs_all"].values
             samples.append(row[head.index("samples")])
@@ -344,12 +380,18 @@ def test_no_report_is_left_beside_a_result_of_other_content(tmp_path: Path, out:
     assert [path.name for path in files(out / "runs")] == ["log.csv.json"]
 
 
-# ------------------------------------------------------------------------------------------------------- logs that fail
+# --------------------------------------------------------------------------------- logs that fail
 @pytest.mark.parametrize(
     ("name", "says"),
-    [("not_a_log.csv", "expected"), ("header_only.csv", "column names but no rows"), ("missing.csv", "no such file")],
+    [
+        ("not_a_log.csv", "expected"),
+        ("header_only.csv", "column names but no rows"),
+        ("missing.csv", "no such file"),
+    ],
 )
-def test_a_log_that_fails_is_listed_and_the_others_go_on(campaign: Path, out: Path, name: str, says: str) -> None:
+def test_a_log_that_fails_is_listed_and_the_others_go_on(
+    campaign: Path, out: Path, name: str, says: str
+) -> None:
     if name != "missing.csv":
         shutil.copy(FIXTURES / "damaged_logs" / name, campaign)
     with (campaign / "campaign.toml").open("a") as file:
@@ -364,7 +406,9 @@ def test_a_log_that_fails_is_listed_and_the_others_go_on(campaign: Path, out: Pa
     assert fault.endswith(".")
     assert says in fault
     assert [path.name for path in files(out / "runs")] == [f"{log}.json" for log in LOGS]
-    assert winchcascade("batch", campaign, "--out", out, "--reports", "none").returncode == 1  # it is tried again
+    assert (
+        winchcascade("batch", campaign, "--out", out, "--reports", "none").returncode == 1
+    )  # it is tried again
 
 
 def test_a_log_that_fails_now_leaves_no_older_result(campaign: Path, out: Path) -> None:
@@ -386,14 +430,20 @@ def test_a_campaign_of_which_every_log_fails_still_has_a_report(tmp_path: Path, 
     assert parquet.read_table(out / "dataset" / "runs.parquet").num_rows == 0
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="needs a file system that takes any name of 255 bytes")
-@pytest.mark.parametrize("name", ["測" * 80 + ".csv", "x" * 251 + ".csv"], ids=["letters of three bytes", "ascii"])
+@pytest.mark.skipif(
+    sys.platform != "linux", reason="needs a file system that takes any name of 255 bytes"
+)
+@pytest.mark.parametrize(
+    "name", ["測" * 80 + ".csv", "x" * 251 + ".csv"], ids=["letters of three bytes", "ascii"]
+)
 def test_a_log_with_the_longest_name_is_reduced(tmp_path: Path, out: Path, name: str) -> None:
     shutil.copy(FIXTURES / "campaign" / "r9ohm.csv", tmp_path / name)
     assert batch(tmp_path / name, out=out)[0].faults == {}
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="needs a file system that takes any bytes as a name")
+@pytest.mark.skipif(
+    sys.platform != "linux", reason="needs a file system that takes any bytes as a name"
+)
 def test_a_log_whose_name_is_no_unicode_is_reduced(tmp_path: Path, out: Path) -> None:
     log = tmp_path / os.fsdecode(b"log \xff.csv")
     shutil.copy(FIXTURES / "campaign" / "r9ohm.csv", log)
@@ -402,28 +452,42 @@ def test_a_log_whose_name_is_no_unicode_is_reduced(tmp_path: Path, out: Path) ->
     assert len(files(out / "runs")) == 1
 
 
-# -------------------------------------------------------------------------------------------- no room, and other options
+# --------------------------------------------------------------------- no room, and other options
 @pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_reports_that_find_no_room_leave_the_results_that_are_finished(campaign: Path, done: Path, jobs: int) -> None:
+def test_reports_that_find_no_room_leave_the_results_that_are_finished(
+    campaign: Path, done: Path, jobs: int
+) -> None:
     """A page has 1 MB, a result 40 kB: no file may grow beyond 200 kB."""
     before = contents(done)
     log = str(campaign / "r9ohm.csv")
-    command = [sys.executable, "-m", "winchcascade", "batch", log, "--out", str(done), "--jobs", str(jobs)]
+    command = [
+        sys.executable,
+        "-m",
+        "winchcascade",
+        "batch",
+        log,
+        "--out",
+        str(done),
+        "--jobs",
+        str(jobs),
+    ]
     full = ["bash", "-c", 'ulimit -f 200; exec "$0" "$@"', *command]
     ended = subprocess.run(full, capture_output=True, text=True, check=False)
     assert ended.returncode in (1, 2)
     assert "Traceback" not in ended.stderr
     assert "cannot be written" in ended.stdout + ended.stderr
-    assert {name: content for name, content in contents(done).items() if name.startswith("runs/")} == {
-        name: content for name, content in before.items() if name.startswith("runs/")
-    }
+    assert {
+        name: content for name, content in contents(done).items() if name.startswith("runs/")
+    } == {name: content for name, content in before.items() if name.startswith("runs/")}
     assert list(done.rglob(".*")) == []
     assert redone(campaign, out=done) == []
     assert contents(done).keys() == before.keys()
 
 
-def test_a_log_that_cannot_be_read_now_leaves_the_result_that_is_finished(campaign: Path, done: Path) -> None:
+def test_a_log_that_cannot_be_read_now_leaves_the_result_that_is_finished(
+    campaign: Path, done: Path
+) -> None:
     before = (done / "runs" / "r9ohm.csv.json").read_bytes()
     (campaign / "r9ohm.csv").rename(campaign / "elsewhere")
     assert list(batch(campaign, out=done)[0].faults) == ["r9ohm.csv"]
@@ -433,12 +497,16 @@ def test_a_log_that_cannot_be_read_now_leaves_the_result_that_is_finished(campai
 
 
 @ALONE
-def test_two_calls_with_different_options_on_one_folder_leave_what_the_last_one_leaves(place: Path) -> None:
+def test_two_calls_with_different_options_on_one_folder_leave_what_the_last_one_leaves(
+    place: Path,
+) -> None:
     windows = ("5", "4")
     calls = [begin(place, "--jobs", "1", "--window", window) for window in windows]
     ended = [call.communicate() for call in calls]
     assert [call.returncode for call in calls] == [0, 0], ended
-    found = {json.loads(path.read_bytes())["window"] for path in (place / "out" / "runs").glob("*.json")}
+    found = {
+        json.loads(path.read_bytes())["window"] for path in (place / "out" / "runs").glob("*.json")
+    }
     assert len(found) == 1
     (window,) = found
     rows = parquet.read_table(place / "out" / "dataset" / "cycles.parquet").to_pylist()
@@ -451,15 +519,21 @@ def test_two_calls_with_different_options_on_one_folder_leave_what_the_last_one_
 
 
 @ALONE
-def test_a_call_waits_for_another_one_and_says_so(campaign: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_call_waits_for_another_one_and_says_so(
+    campaign: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("winchcascade.core.store._SILENT", 0.05)
     out.mkdir()
     script = (
         "import sys\nfrom pathlib import Path\nfrom winchcascade.core.store import locked\n"
-        "with locked(Path(sys.argv[1]), print):\n    print('held', flush=True)\n    sys.stdin.readline()\n"
+        "with locked(Path(sys.argv[1]), print):\n    print('held', flush=True)\n    "
+        "sys.stdin.readline()\n"
     )
     with subprocess.Popen(
-        [sys.executable, "-c", script, str(out)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", script, str(out)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
     ) as other:
         assert other.stdout is not None
         assert other.stdin is not None
@@ -495,16 +569,22 @@ def test_the_lock_of_a_killed_call_holds_nobody(campaign: Path, out: Path) -> No
 def test_a_folder_that_cannot_be_locked_is_one_sentence(campaign: Path, out: Path) -> None:
     (out / ".winchcascade.lock").mkdir(parents=True)
     with pytest.raises(
-        OutputError, match=r"cannot be locked against other calls .* choose a folder that can be written"
+        OutputError,
+        match=r"cannot be locked against other calls .* choose a folder that can be written",
     ):
         batch(campaign, out=out)
 
 
-# ------------------------------------------------------------------------------------------------------- the out folder
-def test_a_folder_that_holds_something_else_is_rejected_and_used_with_force(campaign: Path, out: Path) -> None:
+# --------------------------------------------------------------------------------- the out folder
+def test_a_folder_that_holds_something_else_is_rejected_and_used_with_force(
+    campaign: Path, out: Path
+) -> None:
     out.mkdir()
     (out / "thesis.txt").write_text("mine")
-    with pytest.raises(OutputError, match="is not empty and no folder of a batch; give --out a new folder or add --fo"):
+    with pytest.raises(
+        OutputError,
+        match="is not empty and no folder of a batch; give --out a new folder or add --fo",
+    ):
         batch(campaign, out=out)
     assert os.listdir(out) == ["thesis.txt"]
     found, _ = batch(campaign, out=out, force=True)
@@ -515,7 +595,9 @@ def test_a_folder_that_holds_something_else_is_rejected_and_used_with_force(camp
 @pytest.mark.parametrize(
     "name", ["campaign.json", "index.html", "campaign.html", "campaign.xlsx", "runs/r9ohm.csv.json"]
 )
-def test_a_file_that_this_tool_did_not_write_is_not_replaced(campaign: Path, out: Path, name: str) -> None:
+def test_a_file_that_this_tool_did_not_write_is_not_replaced(
+    campaign: Path, out: Path, name: str
+) -> None:
     (out / "runs").mkdir(parents=True)  # a name that other people give their folders too
     (out / name).write_text("mine")
     with suppress(OutputError):
@@ -525,25 +607,50 @@ def test_a_file_that_this_tool_did_not_write_is_not_replaced(campaign: Path, out
 
 def test_an_out_that_is_a_file_is_rejected(campaign: Path, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("mine")
-    assert "the folder cannot be made" in one_sentence("batch", campaign, "--out", tmp_path / "file")
+    assert "the folder cannot be made" in one_sentence(
+        "batch", campaign, "--out", tmp_path / "file"
+    )
     assert (tmp_path / "file").read_text() == "mine"
 
 
 def test_scratch_of_killed_calls_is_removed_and_no_other_file(campaign: Path, done: Path) -> None:
-    left = [left_scratch(done, as_folder=True), *(left_scratch(done / place) for place in ("runs", "dataset"))]
-    others = [done / "runs" / ".winchcascade-notes.part", done / "runs" / ".a.json.x.part", done / "download.part"]
+    left = [
+        left_scratch(done, as_folder=True),
+        *(left_scratch(done / place) for place in ("runs", "dataset")),
+    ]
+    others = [
+        done / "runs" / ".winchcascade-notes.part",
+        done / "runs" / ".a.json.x.part",
+        done / "download.part",
+    ]
     for path in others:
         path.touch()
     batch(campaign, out=done)
     assert [path.exists() for path in (*left, *others)] == [False] * 3 + [True] * 3
 
 
-# ------------------------------------------------------------------------------------------- calls that are cut short
+# ----------------------------------------------------------------------- calls that are cut short
 def begin(place: Path, *arguments: str) -> subprocess.Popen[str]:
     """A call in a folder that holds logs, in a group of processes of its own."""
-    command = [sys.executable, "-m", "winchcascade", "batch", "logs", "--out", "out", "--reports", "none", *arguments]
+    command = [
+        sys.executable,
+        "-m",
+        "winchcascade",
+        "batch",
+        "logs",
+        "--out",
+        "out",
+        "--reports",
+        "none",
+        *arguments,
+    ]
     return subprocess.Popen(
-        command, cwd=place, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        command,
+        cwd=place,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
     )
 
 
@@ -625,7 +732,9 @@ def test_a_killed_call_loses_nothing_that_was_finished(
 
 @ALONE
 @pytest.mark.parametrize(
-    "by", [signal.SIGKILL, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)], ids=["kill", "term"]
+    "by",
+    [signal.SIGKILL, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)],
+    ids=["kill", "term"],
 )
 def test_a_killed_call_leaves_no_process_behind(place: Path, by: signal.Signals) -> None:
     """Its processes hold its standard output; where one stays, that never ends."""
@@ -644,7 +753,10 @@ def test_a_killed_call_leaves_no_process_behind(place: Path, by: signal.Signals)
     ("jobs", "to"),
     [
         ("2", "all its processes"),
-        *(pytest.param(*case, marks=pytest.mark.slow) for case in [("1", "the call"), ("2", "the call")]),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in [("1", "the call"), ("2", "the call")]
+        ),
     ],
 )
 def test_an_interrupt_is_one_sentence_and_loses_nothing(
@@ -658,7 +770,10 @@ def test_an_interrupt_is_one_sentence_and_loses_nothing(
     assert out == ""
     assert list((place / "out").rglob(".*")) == []
     assert_completed(place, undisturbed, whole(place / "out"))
-    assert err == "winchcascade: interrupted; what was finished is kept, no file was left half-written.\n"
+    assert (
+        err
+        == "winchcascade: interrupted; what was finished is kept, no file was left half-written.\n"
+    )
 
 
 @ALONE
@@ -668,12 +783,20 @@ def test_an_interrupt_before_the_first_result_is_one_sentence(place: Path) -> No
         os.killpg(call.pid, signal.SIGINT)
         _, err = call.communicate()
     assert call.returncode == 130
-    assert err == "winchcascade: interrupted; what was finished is kept, no file was left half-written.\n"
+    assert (
+        err
+        == "winchcascade: interrupted; what was finished is kept, no file was left half-written.\n"
+    )
 
 
-def test_two_calls_at_once_on_one_folder_leave_what_one_leaves(place: Path, undisturbed: dict[str, bytes]) -> None:
+def test_two_calls_at_once_on_one_folder_leave_what_one_leaves(
+    place: Path, undisturbed: dict[str, bytes]
+) -> None:
     with begin(place, "--jobs", "1") as one, begin(place, "--jobs", "2") as other:
         ended = [call.communicate() for call in (one, other)]
-    assert [(call.returncode, err) for call, (_, err) in zip((one, other), ended, strict=True)] == [(0, ""), (0, "")]
+    assert [(call.returncode, err) for call, (_, err) in zip((one, other), ended, strict=True)] == [
+        (0, ""),
+        (0, ""),
+    ]
     assert contents(place / "out") == undisturbed
     assert list((place / "out").rglob(".*")) == []

@@ -109,7 +109,9 @@ def _efficiency(name: str, entry: CampaignRun, run: Run) -> LogEfficiency | None
         ("r4p5ohm.csv", "torque", 1.3),
     ],
 )
-def test_the_wrong_log_is_marked_and_not_the_one_beside_it(logs: Logs, hurt: str, channel: str, gain: float) -> None:
+def test_the_wrong_log_is_marked_and_not_the_one_beside_it(
+    logs: Logs, hurt: str, channel: str, gain: float
+) -> None:
     """A wrong log at the end of the loads spoils the prediction of the log beside it."""
     entry, run = logs[hurt]
     wrong = replace(run, channels={**run.channels, channel: gain * run.channels[channel]})

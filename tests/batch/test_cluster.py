@@ -27,7 +27,10 @@ with Client(sys.argv[1], timeout=60) as client:
     client.wait_for_workers(2, timeout=60)
 """
 
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(os.name == "nt", reason="ends processes as POSIX does")]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(os.name == "nt", reason="ends processes as POSIX does"),
+]
 
 
 class Cluster(NamedTuple):
@@ -53,7 +56,15 @@ def running(place: Path) -> Iterator[Cluster]:
     place.mkdir()
     file = place / "scheduler.json"
     with ExitStack() as stack:
-        scheduler = ("--port", "0", "--no-dashboard", "--host", "127.0.0.1", "--scheduler-file", str(file))
+        scheduler = (
+            "--port",
+            "0",
+            "--no-dashboard",
+            "--host",
+            "127.0.0.1",
+            "--scheduler-file",
+            str(file),
+        )
         call = stack.enter_context(process("distributed.cli.dask_scheduler", *scheduler, cwd=place))
         while not file.is_file() or not file.read_bytes():
             with suppress(subprocess.TimeoutExpired):
@@ -61,7 +72,8 @@ def running(place: Path) -> Iterator[Cluster]:
         address = json.loads(file.read_bytes())["address"]
         worker = ("--no-nanny", "--no-dashboard", "--nthreads", "1", "--host", "127.0.0.1")
         workers = [
-            stack.enter_context(process("distributed.cli.dask_worker", address, *worker, cwd=place)) for _ in range(2)
+            stack.enter_context(process("distributed.cli.dask_worker", address, *worker, cwd=place))
+            for _ in range(2)
         ]
         subprocess.run([sys.executable, "-c", WAIT, address], check=True, capture_output=True)
         yield Cluster(address, workers)
@@ -74,7 +86,11 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
 
 
 def contents(out: Path) -> dict[str, bytes]:
-    return {path.relative_to(out).as_posix(): path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    return {
+        path.relative_to(out).as_posix(): path.read_bytes()
+        for path in out.rglob("*")
+        if path.is_file()
+    }
 
 
 def test_a_cluster_gives_the_same_bytes_as_this_machine(cluster: Cluster, tmp_path: Path) -> None:
@@ -91,13 +107,23 @@ def test_a_cluster_gives_the_same_bytes_as_this_machine(cluster: Cluster, tmp_pa
 def test_reports_of_a_cluster_are_whole(cluster: Cluster, tmp_path: Path) -> None:
     logs = [CAMPAIGN / name for name in ("r9ohm.csv", "r36ohm.csv")]
     done = winchcascade(
-        "batch", *logs, "--out", tmp_path / "out", "--reports", "all", "--scheduler", cluster.address, cwd=tmp_path
+        "batch",
+        *logs,
+        "--out",
+        tmp_path / "out",
+        "--reports",
+        "all",
+        "--scheduler",
+        cluster.address,
+        cwd=tmp_path,
     )
     assert (done.returncode, done.stderr) == (0, "")
     assert sorted(path.name for path in (tmp_path / "out" / "runs").iterdir()) == sorted(
         f"{log.name}.{ending}" for log in logs for ending in ("html", "json", "pdf")
     )
-    again = winchcascade("batch", *logs, "--out", tmp_path / "out", "--reports", "all", cwd=tmp_path)
+    again = winchcascade(
+        "batch", *logs, "--out", tmp_path / "out", "--reports", "all", cwd=tmp_path
+    )
     assert "2 of 2 logs reduced by an earlier call" in again.stdout
 
 
@@ -127,7 +153,9 @@ def test_a_killed_worker_costs_nothing_but_time(tmp_path: Path) -> None:
             "--scheduler",
             cluster.address,
         ]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as call:
+        with subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as call:
             while call.poll() is None and not list(there.glob("runs/*.json")):
                 with suppress(subprocess.TimeoutExpired):
                     call.wait(0.001)

@@ -32,8 +32,15 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copy(CAMPAIGN / name, folder)
     shutil.copy(CAMPAIGN.parent / "damaged_logs" / "dropouts.csv", folder / f"{FORMULA}.csv")
     (folder / "rig.toml").write_text(f'based_on = "hsu2026"\nname = "{ARRAY}"\n')
-    (folder / "header_only.csv").write_text(CAMPAIGN.joinpath("r9ohm.csv").read_text().splitlines()[0] + "\n")
-    loads = {"open_circuit.csv": "inf", "r9ohm.csv": "9.0", f"{FORMULA}.csv": "36.0", "header_only.csv": "1.0"}
+    (folder / "header_only.csv").write_text(
+        CAMPAIGN.joinpath("r9ohm.csv").read_text().splitlines()[0] + "\n"
+    )
+    loads = {
+        "open_circuit.csv": "inf",
+        "r9ohm.csv": "9.0",
+        f"{FORMULA}.csv": "36.0",
+        "header_only.csv": "1.0",
+    }
     runs = "".join(f'[[run]]\nfile = "{name}"\nload_ohm = {load}\n' for name, load in loads.items())
     (folder / "campaign.toml").write_text('rig = "rig.toml"\n' + runs)
     found = run_batch(make_plan([str(folder)]), folder / "out", Products(workbook=True))
@@ -45,7 +52,11 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def records(out: Path) -> dict[str, dict[str, Any]]:
     """The JSON of each log by its name, in the order of the campaign."""
     runs = json.loads((out / "campaign.json").read_bytes())["runs"]
-    return {run["name"]: json.loads((out / run["result"]).read_bytes()) for run in runs if run["fault"] is None}
+    return {
+        run["name"]: json.loads((out / run["result"]).read_bytes())
+        for run in runs
+        if run["fault"] is None
+    }
 
 
 def by_pyarrow(path: Path) -> Rows:
@@ -59,8 +70,12 @@ def by_duckdb(path: Path) -> Rows:
 
 def by_pandas(path: Path) -> Rows:
     pandas = pytest.importorskip("pandas")
-    rows: Rows = pandas.read_parquet(path, dtype_backend="pyarrow").astype(object).to_dict("records")
-    return [{name: None if value is pandas.NA else value for name, value in row.items()} for row in rows]
+    rows: Rows = (
+        pandas.read_parquet(path, dtype_backend="pyarrow").astype(object).to_dict("records")
+    )
+    return [
+        {name: None if value is pandas.NA else value for name, value in row.items()} for row in rows
+    ]
 
 
 READERS: list[Callable[[Path], Rows]] = [by_pyarrow, by_duckdb, by_pandas]
@@ -87,9 +102,17 @@ def test_every_reader_sees_the_means_of_every_log(
 
 
 def test_the_table_of_runs_is_a_part_of_all_columns(out: Path) -> None:
-    brief, whole = (by_pyarrow(out / "dataset" / f"{table}.parquet") for table in ("runs", "runs_all"))
+    brief, whole = (
+        by_pyarrow(out / "dataset" / f"{table}.parquet") for table in ("runs", "runs_all")
+    )
     assert len(brief[0]) == RUNS_MAX
-    assert {"load_ohm", "eta_pto", "eta_pto_standard_uncertainty", "power_gen_w", "findings"} <= brief[0].keys()
+    assert {
+        "load_ohm",
+        "eta_pto",
+        "eta_pto_standard_uncertainty",
+        "power_gen_w",
+        "findings",
+    } <= brief[0].keys()
     assert brief == [{name: row[name] for name in brief[0]} for row in whole]
 
 
@@ -120,28 +143,40 @@ def test_phases_of_a_cycle_are_columns(out: Path, records: dict[str, dict[str, A
     for row, cycle in zip(by_pyarrow(out / "dataset" / "cycles.parquet"), cycles, strict=True):
         for phase, span in cycle["phases"].items():
             assert [row[f"{phase}_begin_s"], row[f"{phase}_end_s"]] == (span or [None, None])
-        assert [row["onset_s"], row["cutoff_s"]] == [cycle["window"][f"{end}_s"] for end in ("onset", "cutoff")]
+        assert [row["onset_s"], row["cutoff_s"]] == [
+            cycle["window"][f"{end}_s"] for end in ("onset", "cutoff")
+        ]
         plateau = cycle["phase_summary"]["payout"]["plateau"] or {}
         assert all(row[f"plateau_{name}"] == value for name, value in plateau.items())
 
 
 @pytest.mark.parametrize("table", TABLES)
 def test_an_open_circuit_is_an_infinite_load(out: Path, table: str) -> None:
-    loads = {row["run"]: row["load_ohm"] for row in by_pyarrow(out / "dataset" / f"{table}.parquet")}
+    loads = {
+        row["run"]: row["load_ohm"] for row in by_pyarrow(out / "dataset" / f"{table}.parquet")
+    }
     assert loads.get("open_circuit.csv", math.inf) == math.inf
     assert loads.get("r9ohm.csv", 9.0) == 9.0
 
 
 def test_readers_can_ask_for_what_they_want(out: Path) -> None:
     path = out / "dataset" / "cycles.parquet"
-    found = duckdb.from_parquet(str(path)).filter("load_ohm = 9 AND complete").aggregate("count(*)").fetchall()
+    found = (
+        duckdb.from_parquet(str(path))
+        .filter("load_ohm = 9 AND complete")
+        .aggregate("count(*)")
+        .fetchall()
+    )
     assert found == [(3,)]
     assert dataset.dataset(path).count_rows(filter=dataset.field("load_ohm") == math.inf) == 3
 
 
 @pytest.mark.parametrize("table", TABLES)
 def test_a_table_says_its_schema(out: Path, table: str) -> None:
-    assert parquet.read_schema(out / "dataset" / f"{table}.parquet").metadata[b"schema"].decode() == SCHEMA
+    assert (
+        parquet.read_schema(out / "dataset" / f"{table}.parquet").metadata[b"schema"].decode()
+        == SCHEMA
+    )
 
 
 def test_the_workbook_has_the_same_rows(out: Path) -> None:
@@ -171,14 +206,20 @@ def test_the_workbook_begins_with_the_runs_by_load_and_a_chart(out: Path) -> Non
     assert sheet.title == "runs"
     assert sheet.freeze_panes == "B3"
     unit = dict(zip(head, units, strict=True))
-    assert (unit["load_ohm"], unit["energy_line_j"], unit["power_gen_w"], unit["eta_pto"]) == ("ohm", "J", "W", "1")
+    assert (unit["load_ohm"], unit["energy_line_j"], unit["power_gen_w"], unit["eta_pto"]) == (
+        "ohm",
+        "J",
+        "W",
+        "1",
+    )
     loads = [row[head.index("load_ohm")] for row in rows if row[0] is not None]
     known = [load for load in loads if isinstance(load, int | float)]
     assert known == sorted(known)
     assert loads[: len(known)] == known  # an open circuit and an unknown load come last
     (chart,) = sheet._charts
     assert len(chart.series) == sum(
-        str(name).startswith("eta_") and not str(name).endswith(("uncertainty", "percent")) for name in head
+        str(name).startswith("eta_") and not str(name).endswith(("uncertainty", "percent"))
+        for name in head
     )
     formats = {head[k]: cell.number_format for k, cell in enumerate(sheet[3])}
     assert formats["eta_pto"] == "0.0000"
@@ -189,7 +230,9 @@ SPREADSHEET = 1e-14
 """Digits that a workbook keeps of a number."""
 
 
-def test_a_text_that_looks_like_a_formula_is_a_text_also_where_its_cell_is_copied(out: Path) -> None:
+def test_a_text_that_looks_like_a_formula_is_a_text_also_where_its_cell_is_copied(
+    out: Path,
+) -> None:
     sheet = openpyxl.load_workbook(out / "campaign.xlsx")["runs"]
     head = [cell.value for cell in sheet[1]]
     (row,) = (row for row in sheet.iter_rows(min_row=3) if row[0].value == f"'{FORMULA}.csv")

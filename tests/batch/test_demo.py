@@ -21,7 +21,8 @@ def test_the_copy_is_the_packaged_campaign(tmp_path: Path, fixtures: Path) -> No
 
 def test_a_second_copy_writes_nothing(tmp_path: Path) -> None:
     before, after = (
-        {path.name: path.stat().st_mtime_ns for path in copy_campaign(tmp_path).parent.iterdir()} for _ in range(2)
+        {path.name: path.stat().st_mtime_ns for path in copy_campaign(tmp_path).parent.iterdir()}
+        for _ in range(2)
     )
     assert before == after
 
@@ -29,7 +30,8 @@ def test_a_second_copy_writes_nothing(tmp_path: Path) -> None:
 def test_a_file_with_other_content_is_kept_unless_forced(tmp_path: Path) -> None:
     (tmp_path / "r9ohm.csv").write_text("mine")
     with pytest.raises(
-        OutputError, match=r"r9ohm\.csv: exists with another content; give --out a new folder or add --fo"
+        OutputError,
+        match=r"r9ohm\.csv: exists with another content; give --out a new folder or add --fo",
     ):
         copy_campaign(tmp_path)
     assert (tmp_path / "r9ohm.csv").read_text() == "mine"

@@ -1,4 +1,6 @@
-"""Findings of logs and of own simulations in the record of a diagnosis, and simulations in a unit that was assumed."""
+"""Findings of logs and of own simulations in the record of a diagnosis, and simulations in a
+unit that was assumed.
+"""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -26,9 +28,14 @@ def scaled(text: str, header: str, factor: float, called: str, zero: float = 0.0
 
 
 def record(
-    folder: Path, fixtures: Path, simulation: tuple[str, float, str] | None = None, torque_zero: float = 0.0
+    folder: Path,
+    fixtures: Path,
+    simulation: tuple[str, float, str] | None = None,
+    torque_zero: float = 0.0,
 ) -> Mapping[str, Any]:
-    """The diagnosis of one cycle of two logs, each beside a copy of itself as its simulation, with one column changed there."""
+    """The diagnosis of one cycle of two logs, each beside a copy of itself as its simulation,
+    with one column changed there.
+    """
     entries = []
     for name, load in LOADS.items():
         head, *rows = (fixtures / "campaign" / name).read_text().splitlines()
@@ -47,15 +54,21 @@ def kinds(files: list[Mapping[str, Any]]) -> dict[str, list[tuple[str, str | Non
     return {one["file"]: [(f["kind"], f["channel"]) for f in one["findings"]] for one in files}
 
 
-def test_findings_of_the_logs_are_in_the_record_also_those_of_their_cycles(fixtures: Path, tmp_path: Path) -> None:
+def test_findings_of_the_logs_are_in_the_record_also_those_of_their_cycles(
+    fixtures: Path, tmp_path: Path
+) -> None:
     found = record(tmp_path, fixtures, torque_zero=4.0)
     assert found["simulations"] == []
     assert all(("zero_offset", "torque") in one for one in kinds(found["logs"]).values())
 
 
-def test_a_unit_that_was_assumed_of_a_simulation_is_in_the_record(fixtures: Path, tmp_path: Path) -> None:
+def test_a_unit_that_was_assumed_of_a_simulation_is_in_the_record(
+    fixtures: Path, tmp_path: Path
+) -> None:
     found = record(tmp_path, fixtures, ("Vdc (V)", 1.0, "Vdc"))
-    assert kinds(found["simulations"]) == {f"own_{name}": [("unit_assumed", "vdc")] for name in LOADS}
+    assert kinds(found["simulations"]) == {
+        f"own_{name}": [("unit_assumed", "vdc")] for name in LOADS
+    }
     assert all(one["findings"][0]["message"] for one in found["simulations"])
 
 
@@ -72,19 +85,25 @@ def test_a_simulation_in_another_unit_than_the_assumed_one_is_rejected(
 ) -> None:
     with pytest.raises(LogError) as fault:
         record(tmp_path, fixtures, (header, factor, name))
-    assert {name.casefold(), assumed, likely} <= set(str(fault.value).replace(",", "").replace(".", "").split())
+    assert {name.casefold(), assumed, likely} <= set(
+        str(fault.value).replace(",", "").replace(".", "").split()
+    )
     assert "own_" in str(fault.value)
 
 
 @pytest.mark.slow
-def test_a_level_far_from_that_of_the_log_is_accepted_where_the_unit_is_stated(fixtures: Path, tmp_path: Path) -> None:
+def test_a_level_far_from_that_of_the_log_is_accepted_where_the_unit_is_stated(
+    fixtures: Path, tmp_path: Path
+) -> None:
     with pytest.raises(LogError, match="23 times"):
         record(tmp_path, fixtures, ("Vdc (V)", 23.0, "Vdc"))
     stated = record(tmp_path, fixtures, ("Vdc (V)", 23.0, "Vdc (V)"))
     assert kinds(stated["simulations"]) == {f"own_{name}": [] for name in LOADS}
 
 
-def test_a_channel_that_the_causes_make_worse_is_marked_as_such(fixtures: Path, tmp_path: Path) -> None:
+def test_a_channel_that_the_causes_make_worse_is_marked_as_such(
+    fixtures: Path, tmp_path: Path
+) -> None:
     assert [Shrunk(3.0, after, 1.0).worse for after in (0.0, 3.1, 3.2)] == [False, False, True]
     closure = record(tmp_path, fixtures)["closure"]
     assert closure is not None

@@ -1,4 +1,6 @@
-"""Drafts of campaign.toml and rig.toml: what is certain, what is not, and that they can be used as they are."""
+"""Drafts of campaign.toml and rig.toml: what is certain, what is not, and that they can be used
+as they are.
+"""
 
 import json
 import math
@@ -41,7 +43,9 @@ pole_pairs = { value = 3, unit = "1" }
 k_e = { value = 0.130, unit = "V/rpm", limits_percent = 5 }
 r_s = { value = 0.90, unit = "ohm", u_percent = 0.5 }
 l_s = { value = 6.0, unit = "mH", u_percent = 0.7 }"""
-"""What the owner of the other rig fills in: the two columns that no reader can know, and numbers of its data sheets."""
+"""What the owner of the other rig fills in: the two columns that no reader can know, and numbers
+of its data sheets.
+"""
 
 
 def copied(folder: Path, source: Path, **names: str) -> Path:
@@ -84,7 +88,10 @@ def test_a_name_with_a_unit_or_a_symbol_states_its_load(name: str, ohm: float) -
 @pytest.mark.parametrize("names", [["Last36", "Last18"], ["36", "18"], ["t2_36", "t2_18"]])
 def test_a_number_without_a_unit_may_be_the_load_but_is_not_certain(names: list[str]) -> None:
     stated = named_loads(names)
-    assert [(stated[name].ohm, stated[name].certain) for name in names] == [(36.0, False), (18.0, False)]
+    assert [(stated[name].ohm, stated[name].certain) for name in names] == [
+        (36.0, False),
+        (18.0, False),
+    ]
 
 
 @pytest.mark.parametrize(
@@ -112,8 +119,13 @@ def test_the_campaign_of_another_rig_has_its_loads_in_the_order_of_the_clocks(be
     assert [run.started for run in runs] == sorted(run.started for run in runs if run.started)
 
 
-def test_without_names_the_currents_show_the_open_circuit_and_loads_are_comments(tmp_path: Path) -> None:
-    nameless = {log.stem: f"{letter}.csv" for letter, log in zip("gfedcba", sorted(OTHER.glob("*.csv")), strict=True)}
+def test_without_names_the_currents_show_the_open_circuit_and_loads_are_comments(
+    tmp_path: Path,
+) -> None:
+    nameless = {
+        log.stem: f"{letter}.csv"
+        for letter, log in zip("gfedcba", sorted(OTHER.glob("*.csv")), strict=True)
+    }
     folder = copied(tmp_path / "nameless", OTHER, **nameless)
     text = draft_folder(folder).texts["campaign.toml"]
     assert re.findall(r'"(\w)\.csv"\nload_ohm = inf', text) == ["g"]
@@ -122,12 +134,19 @@ def test_without_names_the_currents_show_the_open_circuit_and_loads_are_comments
 
 
 def test_a_name_that_the_currents_contradict_is_a_comment(tmp_path: Path) -> None:
-    folder = copied(tmp_path / "wrong", OTHER, lauf2_40ohm="lauf2_20ohm.csv", lauf1_leerlauf="lauf1_70ohm.csv")
+    folder = copied(
+        tmp_path / "wrong", OTHER, lauf2_40ohm="lauf2_20ohm.csv", lauf1_leerlauf="lauf1_70ohm.csv"
+    )
     text = draft_folder(folder).texts["campaign.toml"]
-    assert re.findall(r'"(\w+)\.csv"\n# load_ohm = (\d+)', text) == [("lauf1_70ohm", "70"), ("lauf2_20ohm", "20")]
+    assert re.findall(r'"(\w+)\.csv"\n# load_ohm = (\d+)', text) == [
+        ("lauf1_70ohm", "70"),
+        ("lauf2_20ohm", "20"),
+    ]
 
 
-def test_the_rig_of_a_whole_cascade_is_based_on_the_papers_and_names_both_candidates(bench: Path) -> None:
+def test_the_rig_of_a_whole_cascade_is_based_on_the_papers_and_names_both_candidates(
+    bench: Path,
+) -> None:
     text = draft_folder(bench).texts["rig.toml"]
     assert 'based_on = "hsu2026"' in text
     assert [re.findall(rf'(?m)^# {c} = {{ name = "(.*?)"', text) for c in ("force", "torque")] == [
@@ -165,7 +184,9 @@ def test_thirteen_lines_turn_the_draft_into_a_rig_that_gives_every_efficiency(be
 def test_the_logs_of_the_other_rig_are_those_of_their_script(tmp_path: Path) -> None:
     runpy.run_path(str(OTHER / "make.py"))["main"](tmp_path)
     for made in tmp_path.iterdir():
-        pairs = zip(made.read_text().splitlines(), (OTHER / made.name).read_text().splitlines(), strict=True)
+        pairs = zip(
+            made.read_text().splitlines(), (OTHER / made.name).read_text().splitlines(), strict=True
+        )
         differing = sum(one != other for one, other in pairs)
         assert differing <= LAST_DIGITS * 3000, made.name
 
@@ -184,7 +205,9 @@ def test_from_the_folder_to_the_hidden_effect(bench: Path) -> None:
 
 
 FOLDERS = [
-    folder for folder in (*FIXTURES.glob("*"), *FIXTURES.glob("measured/*"), *BENCHES.glob("*")) if folder.is_dir()
+    folder
+    for folder in (*FIXTURES.glob("*"), *FIXTURES.glob("measured/*"), *BENCHES.glob("*"))
+    if folder.is_dir()
 ]
 
 
@@ -213,20 +236,29 @@ def test_a_log_without_payouts_gets_the_source_of_cycles_that_it_has(tmp_path: P
 
 def test_a_speed_of_rotation_shows_gear_over_radius(tmp_path: Path) -> None:
     speeds = [abs(k % 100 - 50) / 50 for k in range(400)]
-    rows = "".join(f"{0.04 * k:.2f},{v},{v / 0.2 * 30 / math.pi},{50 + 9 * v}\n" for k, v in enumerate(speeds))
-    (tmp_path / "a.csv").write_text("Time (s),Velocity (m/s),Shaft speed (rpm),Torque (N.m)\n" + rows)
+    rows = "".join(
+        f"{0.04 * k:.2f},{v},{v / 0.2 * 30 / math.pi},{50 + 9 * v}\n" for k, v in enumerate(speeds)
+    )
+    (tmp_path / "a.csv").write_text(
+        "Time (s),Velocity (m/s),Shaft speed (rpm),Torque (N.m)\n" + rows
+    )
     assert re.search(r"(?m)^# r_drum = .* 5 rad/m", draft_folder(tmp_path).texts["rig.toml"])
 
 
 def test_columns_that_no_name_explains_are_candidates_of_what_is_missing(tmp_path: Path) -> None:
     folder = tmp_path / "plain"
     folder.mkdir()
-    rows = "".join(f"{0.04 * k:.2f},{k % 50},{k % 7},{300 + k % 9},{k % 11},{k % 13},{k % 17}\n" for k in range(200))
+    rows = "".join(
+        f"{0.04 * k:.2f},{k % 50},{k % 7},{300 + k % 9},{k % 11},{k % 13},{k % 17}\n"
+        for k in range(200)
+    )
     for name in ("R060.csv", "R040.csv"):
         (folder / name).write_text("time_ms,line speed (ft/s),LC1,P_acc,Tq,DC bus,I_load\n" + rows)
     text = draft_folder(folder).texts["rig.toml"]
     assert 'based_on = "hsu2026"' in text
-    assert [re.findall(rf'(?m)^# {c} = {{ name = "(.*?)"', text) for c in ("force", "vdc")] == [["LC1", "DC bus"]] * 2
+    assert [re.findall(rf'(?m)^# {c} = {{ name = "(.*?)"', text) for c in ("force", "vdc")] == [
+        ["LC1", "DC bus"]
+    ] * 2
     assert len(re.findall(r"(?m)^# pressure = .* beyond 204 kg/cm2", text)) == 1
 
 
@@ -251,7 +283,15 @@ def test_a_folder_of_several_kinds_of_logs_gets_one_entry_for_each_channel(bench
     for log in ("lauf2_40ohm", "lauf3_15ohm"):
         run = read_run(bench / f"{log}.csv")
         assert [finding.kind for finding in run.findings] == []
-        assert run.channels.keys() >= {"displacement", "velocity", "pressure", "force", "torque", "vdc", "idc"}
+        assert run.channels.keys() >= {
+            "displacement",
+            "velocity",
+            "pressure",
+            "force",
+            "torque",
+            "vdc",
+            "idc",
+        }
 
 
 @pytest.mark.parametrize("name", ["Time", "Mark"])
@@ -311,5 +351,7 @@ def test_names_of_any_kind_are_listed_and_one_that_is_no_text_is_named(tmp_path:
 
 def test_results_of_this_tool_are_no_logs(bench: Path) -> None:
     call("reduce", bench / "lauf1_leerlauf.csv", "--json", bench / "lauf1.json")
-    (bench / "map.csv").write_text("# Loss map by winchcascade/0.1.0 from other\nspeed,torque\n" + "1,2\n" * 20)
+    (bench / "map.csv").write_text(
+        "# Loss map by winchcascade/0.1.0 from other\nspeed,torque\n" + "1,2\n" * 20
+    )
     assert {"lauf1.json", "map.csv"} <= draft_folder(bench).skipped.keys()

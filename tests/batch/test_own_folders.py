@@ -1,4 +1,6 @@
-"""A batch that is led out of its folder by links, or meets files like its own: what lies elsewhere is the user's and stays."""
+"""A batch that is led out of its folder by links, or meets files like its own: what lies
+elsewhere is the user's and stays.
+"""
 
 import os
 import shutil
@@ -53,7 +55,9 @@ def test_no_link_leads_a_batch_out_of_its_folder(made: Path, tmp_path: Path, for
 
 
 @pytest.mark.parametrize("name", FILES[1:3] + FILES[4:6] + FILES[7:9])
-def test_a_file_that_mentions_the_mark_stays_in_a_folder_of_results(made: Path, tmp_path: Path, name: str) -> None:
+def test_a_file_that_mentions_the_mark_stays_in_a_folder_of_results(
+    made: Path, tmp_path: Path, name: str
+) -> None:
     for k, content in enumerate(MENTIONS.values()):
         out = shutil.copytree(made, tmp_path / f"{k}") / "batch"
         (out / name).write_text(content)

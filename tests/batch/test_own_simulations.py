@@ -1,4 +1,6 @@
-"""Simulations that a campaign lists or a folder holds, and what is reported of those that cannot be used."""
+"""Simulations that a campaign lists or a folder holds, and what is reported of those that cannot
+be used.
+"""
 
 import shutil
 from pathlib import Path
@@ -26,7 +28,9 @@ def folder(tmp_path: Path, fixtures: Path) -> Path:
 def campaign(folder: Path, *simulated: str) -> Path:
     rows = [
         f'[[run]]\nfile = "{name}"\n{line}load_ohm = {load}\n'
-        for name, load, line in zip(("r36ohm.csv", "r9ohm.csv"), (36.0, 9.0), simulated, strict=True)
+        for name, load, line in zip(
+            ("r36ohm.csv", "r9ohm.csv"), (36.0, 9.0), simulated, strict=True
+        )
     ]
     (folder / "campaign.toml").write_text("".join(rows))
     return folder
@@ -46,7 +50,9 @@ def test_a_campaign_without_simulations_has_none(folder: Path) -> None:
 
 def test_each_simulation_is_read_with_the_load_of_its_log(folder: Path) -> None:
     shutil.copy(folder / "r9ohm.csv", folder / "simulated" / "other.csv")
-    listed = campaign(folder, 'simulated = "simulated/r36ohm.csv"\n', 'simulated = "simulated/other.csv"\n')
+    listed = campaign(
+        folder, 'simulated = "simulated/r36ohm.csv"\n', 'simulated = "simulated/other.csv"\n'
+    )
     found = read(listed)
     assert found is not None
     assert [(run.name, run.load) for run in found] == [("r36ohm.csv", 36.0), ("other.csv", 9.0)]
@@ -55,22 +61,28 @@ def test_each_simulation_is_read_with_the_load_of_its_log(folder: Path) -> None:
 def test_a_run_without_a_simulation_among_others_is_named(folder: Path) -> None:
     listed = campaign(folder, 'simulated = "simulated/r36ohm.csv"\n', "")
     with pytest.raises(
-        CampaignError, match=r"run 2 \(r9ohm.csv\) has no simulation, but others have one; expected simulated"
+        CampaignError,
+        match=r"run 2 \(r9ohm.csv\) has no simulation, but others have one; expected simulated",
     ):
         read(listed)
 
 
 def test_a_simulation_that_does_not_exist_is_named(folder: Path) -> None:
-    listed = campaign(folder, 'simulated = "simulated/r36ohm.csv"\n', 'simulated = "simulated/r9ohm.csv"\n')
+    listed = campaign(
+        folder, 'simulated = "simulated/r36ohm.csv"\n', 'simulated = "simulated/r9ohm.csv"\n'
+    )
     with pytest.raises(
-        CampaignError, match=r"run 2 \(r9ohm.csv\): no file .*simulated/r9ohm.csv; expected the simulation of"
+        CampaignError,
+        match=r"run 2 \(r9ohm.csv\): no file .*simulated/r9ohm.csv; expected the simulation of",
     ):
         read(listed)
 
 
 def test_a_simulation_that_is_no_log_is_rejected_by_the_reader(folder: Path) -> None:
     (folder / "simulated" / "r9ohm.csv").write_text("nothing\n")
-    listed = campaign(folder, 'simulated = "simulated/r36ohm.csv"\n', 'simulated = "simulated/r9ohm.csv"\n')
+    listed = campaign(
+        folder, 'simulated = "simulated/r36ohm.csv"\n', 'simulated = "simulated/r9ohm.csv"\n'
+    )
     with pytest.raises(LogError, match="r9ohm"):
         read(listed)
 
@@ -86,8 +98,11 @@ def test_a_folder_holds_files_with_the_names_of_the_logs(folder: Path) -> None:
 def test_a_folder_that_lacks_a_file_or_does_not_exist_is_rejected(folder: Path) -> None:
     listed = load_campaign(campaign(folder, "", ""))
     with pytest.raises(
-        OptionError, match=r"no file r9ohm.csv; expected one simulation for each .* with the name of the log"
+        OptionError,
+        match=r"no file r9ohm.csv; expected one simulation for each .* with the name of the log",
     ):
         with_simulations(listed, folder / "simulated")
-    with pytest.raises(OptionError, match=r"no such folder; expected a folder with one simulation for each log"):
+    with pytest.raises(
+        OptionError, match=r"no such folder; expected a folder with one simulation for each log"
+    ):
         with_simulations(listed, folder / "nowhere")

@@ -1,4 +1,6 @@
-"""The plan of a batch: which logs, with which rig, load, window and cycles, each under a name of its own."""
+"""The plan of a batch: which logs, with which rig, load, window and cycles, each under a name of
+its own.
+"""
 
 import math
 import re
@@ -51,7 +53,13 @@ def names(*targets: str | Path) -> list[str]:
 
 
 def settings_of(work: Work) -> tuple[object, ...]:
-    return work.name, work.settings.rig.name, work.settings.load, work.settings.window, work.settings.cycles
+    return (
+        work.name,
+        work.settings.rig.name,
+        work.settings.load,
+        work.settings.window,
+        work.settings.cycles,
+    )
 
 
 @pytest.mark.parametrize("target", ["", "campaign.toml"], ids=["folder", "file"])
@@ -62,7 +70,9 @@ def test_a_campaign_gives_rig_load_window_and_cycles(campaign: Path, target: str
         ("a.csv", "ours", 36.0, 5.48, (1, 2)),
         ("b.csv", "ours", math.inf, None, None),
     ]
-    assert {(work.settings.load_source, work.settings.about) for work in plan.work} == {("campaign.toml", "Two loads")}
+    assert {(work.settings.load_source, work.settings.about) for work in plan.work} == {
+        ("campaign.toml", "Two loads")
+    }
 
 
 def test_a_log_is_as_the_campaign_beside_it_says(campaign: Path) -> None:
@@ -89,7 +99,16 @@ def test_options_win_over_the_campaign(campaign: Path) -> None:
 
 
 def test_a_folder_without_a_campaign_is_its_logs(tmp_path: Path) -> None:
-    filled(tmp_path / "trial", "b.csv", "a.TDMS", "notes.md", "rig.toml", ".hidden.csv", "deep/c.csv", "no ending")
+    filled(
+        tmp_path / "trial",
+        "b.csv",
+        "a.TDMS",
+        "notes.md",
+        "rig.toml",
+        ".hidden.csv",
+        "deep/c.csv",
+        "no ending",
+    )
     plan = make_plan([str(tmp_path / "trial")])
     assert [settings_of(work) for work in plan.work] == [
         ("a.TDMS", "hsu2026", None, None, None),
@@ -124,7 +143,9 @@ def test_several_targets_are_one_campaign(campaign: Path, tmp_path: Path) -> Non
 
 def test_a_log_that_is_listed_with_two_windows_has_two_names(tmp_path: Path) -> None:
     filled(tmp_path, "a.csv")
-    (tmp_path / "campaign.toml").write_text("".join(f'[[run]]\nfile = "a.csv"\nwindow_s = {w}\n' for w in (5.0, 6.0)))
+    (tmp_path / "campaign.toml").write_text(
+        "".join(f'[[run]]\nfile = "a.csv"\nwindow_s = {w}\n' for w in (5.0, 6.0))
+    )
     first, second = make_plan([str(tmp_path)]).work
     assert first.name != second.name
     assert all(re.fullmatch(r"a\.csv-[0-9a-f]{8}", name) for name in (first.name, second.name))
@@ -167,12 +188,19 @@ def test_logs_of_one_name_are_distinguished_by_their_place_alone(tmp_path: Path)
     filled(tmp_path, "x/a.csv", "y/a.csv")
     plain = listed(tmp_path, 'file = "x/a.csv"', 'file = "y/a.csv"')
     assert all(re.fullmatch(r"a\.csv-[0-9a-f]{8}", name) for name in plain)
-    assert listed(tmp_path, 'file = "x/a.csv"\nload_ohm = 9.0', 'file = "y/a.csv"\ncycles = [1, 2]') == plain
-    cycles = listed(tmp_path, *(f'file = "x/a.csv"\ncycles = [{k}, {k}]' for k in (1, 2)), 'file = "y/a.csv"')
+    assert (
+        listed(tmp_path, 'file = "x/a.csv"\nload_ohm = 9.0', 'file = "y/a.csv"\ncycles = [1, 2]')
+        == plain
+    )
+    cycles = listed(
+        tmp_path, *(f'file = "x/a.csv"\ncycles = [{k}, {k}]' for k in (1, 2)), 'file = "y/a.csv"'
+    )
     assert cycles == [f"{plain[0]}-cycles-1-1", f"{plain[0]}-cycles-2-2", plain[1]]
 
 
-def test_a_file_that_is_named_as_another_log_with_its_cycles_is_distinguished_from_it(tmp_path: Path) -> None:
+def test_a_file_that_is_named_as_another_log_with_its_cycles_is_distinguished_from_it(
+    tmp_path: Path,
+) -> None:
     filled(tmp_path, "a.csv", "a.csv-cycles-1-2")
     entries = ('file = "a.csv"', 'file = "a.csv"\ncycles = [1, 2]', 'file = "a.csv-cycles-1-2"')
     assert len(set(listed(tmp_path, *entries))) == 3
@@ -207,7 +235,12 @@ def test_any_names_are_distinguished_and_safe_for_every_file_system(files: list[
     from winchcascade.batch.plan import _named
     from winchcascade.core.rig_toml import built_in
 
-    found = [work.name for work in _named([Work(name, f"folder/{name}", LogSettings(built_in())) for name in files])]
+    found = [
+        work.name
+        for work in _named(
+            [Work(name, f"folder/{name}", LogSettings(built_in())) for name in files]
+        )
+    ]
     assert len({name.casefold() for name in found}) == len(files)
     for name in found:
         assert re.search(r'[<>:"/\\|?*\x00-\x1f]', name) is None
@@ -238,14 +271,19 @@ def test_a_key_changes_with_every_option_and_with_the_rig(campaign: Path) -> Non
 
 @pytest.mark.parametrize("target", ["nothing.csv", "no/such/folder", "*.csv", "**/*.tdms"])
 def test_a_target_that_names_nothing_is_reported(tmp_path: Path, target: str) -> None:
-    with pytest.raises(OptionError, match=r"no such file, folder or pattern; expected a campaign\.toml, a folder"):
+    with pytest.raises(
+        OptionError, match=r"no such file, folder or pattern; expected a campaign\.toml, a folder"
+    ):
         make_plan([str(tmp_path / target)])
 
 
 @pytest.mark.parametrize("target", ["", "*"])
 def test_a_folder_without_logs_is_reported(tmp_path: Path, target: str) -> None:
     filled(tmp_path, "notes.md")
-    with pytest.raises(OptionError, match=r"no log found; expected files that end in asc, csv, .*, or a campaign.toml"):
+    with pytest.raises(
+        OptionError,
+        match=r"no log found; expected files that end in asc, csv, .*, or a campaign.toml",
+    ):
         make_plan([str(tmp_path / target)])
 
 
@@ -289,9 +327,14 @@ def test_every_rejection_of_a_plan_is_one_line(campaign: Path) -> None:
         assert "\n" not in str(fault.value)
 
 
-def test_a_log_that_a_campaign_lists_and_that_is_not_there_stays_in_the_plan(campaign: Path) -> None:
+def test_a_log_that_a_campaign_lists_and_that_is_not_there_stays_in_the_plan(
+    campaign: Path,
+) -> None:
     (campaign / "a.csv").unlink()
-    assert names(campaign) == ["a.csv", "b.csv"]  # it fails when its turn comes; the others are reduced
+    assert names(campaign) == [
+        "a.csv",
+        "b.csv",
+    ]  # it fails when its turn comes; the others are reduced
 
 
 def test_a_link_to_a_log_is_as_the_campaign_says(campaign: Path, tmp_path: Path) -> None:

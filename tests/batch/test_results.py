@@ -1,4 +1,6 @@
-"""Results to compare: a reduction, a batch, or a campaign that is reduced for it; whatever else it is, one sentence."""
+"""Results to compare: a reduction, a batch, or a campaign that is reduced for it; whatever else
+it is, one sentence.
+"""
 
 import json
 import re
@@ -41,8 +43,13 @@ def means(results: Results) -> dict[str, object]:
     return {name: record.mean for name, record in results.records}
 
 
-def test_a_campaign_its_folder_and_its_batch_give_the_same_results(campaign: Path, out: Path) -> None:
-    found = [load_results(path) for path in (campaign, campaign / "campaign.toml", out, out / "campaign.json")]
+def test_a_campaign_its_folder_and_its_batch_give_the_same_results(
+    campaign: Path, out: Path
+) -> None:
+    found = [
+        load_results(path)
+        for path in (campaign, campaign / "campaign.toml", out, out / "campaign.json")
+    ]
     assert all(results.whole for results in found)
     assert list(means(found[0])) == list(LOADS)
     assert all(means(results) == means(found[0]) for results in found)
@@ -77,7 +84,8 @@ def test_a_file_that_is_no_result_is_reported(tmp_path: Path, content: str) -> N
     path = tmp_path / "result.json"
     path.write_text(content, encoding="latin-1")
     with pytest.raises(
-        OptionError, match=r"is no JSON of a reduction .* expected a campaign, the folder of a batch or"
+        OptionError,
+        match=r"is no JSON of a reduction .* expected a campaign, the folder of a batch or",
     ):
         load_results(path)
 
@@ -91,11 +99,15 @@ def test_a_result_that_is_not_there_is_reported(tmp_path: Path) -> None:
 
 def test_a_summary_of_another_program_is_reported(tmp_path: Path) -> None:
     (tmp_path / "campaign.json").write_text('{"schema": "other/1"}')
-    with pytest.raises(OptionError, match="is no summary of a batch; expected the schema winchcascade/campaign/1"):
+    with pytest.raises(
+        OptionError, match="is no summary of a batch; expected the schema winchcascade/campaign/1"
+    ):
         load_results(tmp_path)
 
 
-@pytest.mark.parametrize("runs", ["", ', "runs": 3', ', "runs": [{}]', ', "runs": [{"fault": null, "name": "a"}]'])
+@pytest.mark.parametrize(
+    "runs", ["", ', "runs": 3', ', "runs": [{}]', ', "runs": [{"fault": null, "name": "a"}]']
+)
 def test_a_damaged_summary_is_one_sentence(tmp_path: Path, runs: str) -> None:
     (tmp_path / "campaign.json").write_text('{"schema": "winchcascade/campaign/1"' + runs + "}")
     with pytest.raises(WinchcascadeError):
@@ -109,7 +121,7 @@ def test_a_batch_that_lost_a_result_is_reported(out: Path, tmp_path: Path) -> No
         load_results(tmp_path / "out")
 
 
-# ------------------------------------------------------------------------------------------------------------ digests
+# ---------------------------------------------------------------------------------------- digests
 def alter(path: Path) -> None:
     """Change one digit of a mean, as a hand or a damaged disk may do."""
     content = path.read_bytes()
@@ -118,10 +130,14 @@ def alter(path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["runs/r9ohm.csv.json", "campaign.json"])
-def test_an_altered_result_is_rejected_and_made_again(campaign: Path, out: Path, tmp_path: Path, name: str) -> None:
+def test_an_altered_result_is_rejected_and_made_again(
+    campaign: Path, out: Path, tmp_path: Path, name: str
+) -> None:
     results = shutil.copytree(out, tmp_path / "out")
     alter(results / name)
-    with pytest.raises(OutputError, match="was altered after the batch: its content does not match the digest"):
+    with pytest.raises(
+        OutputError, match="was altered after the batch: its content does not match the digest"
+    ):
         load_results(results)
     again = run_batch(make_plan([str(campaign)]), results)
     assert again.altered == (name,)
@@ -136,14 +152,20 @@ def test_a_result_whose_own_digest_was_altered_too_is_rejected(out: Path, tmp_pa
     path = results / "runs" / "r9ohm.csv.json"
     record = json.loads(path.read_bytes())
     record["mean"]["eta_pto"] = 0.9
-    path.write_bytes(with_digest(record, "batch", {key: record["batch"][key] for key in ("key", "reports", "files")}))
+    path.write_bytes(
+        with_digest(
+            record, "batch", {key: record["batch"][key] for key in ("key", "reports", "files")}
+        )
+    )
     assert load_results(path).records[0][1].mean["eta_pto"] == 0.9
     with pytest.raises(OutputError, match=r"r9ohm\.csv\.json: was altered after the batch"):
         load_results(results)
 
 
 @pytest.mark.parametrize("name", ["dataset/runs.parquet", "campaign.xlsx"])
-def test_an_altered_table_of_the_campaign_is_made_again(campaign: Path, tmp_path: Path, name: str) -> None:
+def test_an_altered_table_of_the_campaign_is_made_again(
+    campaign: Path, tmp_path: Path, name: str
+) -> None:
     plan, results = make_plan([str(campaign)]), tmp_path / "out"
     run_batch(plan, results, Products(workbook=True))
     (results / name).write_bytes((results / name).read_bytes()[:-1] + b"?")
@@ -172,7 +194,9 @@ def without_digests(results: Path) -> None:
         path.write_text(json.dumps(record))
 
 
-def test_results_of_version_0_1_0_are_opened_and_made_again(campaign: Path, out: Path, tmp_path: Path) -> None:
+def test_results_of_version_0_1_0_are_opened_and_made_again(
+    campaign: Path, out: Path, tmp_path: Path
+) -> None:
     results = shutil.copytree(out, tmp_path / "out")
     without_digests(results)
     found = load_results(results)
@@ -184,7 +208,9 @@ def test_results_of_version_0_1_0_are_opened_and_made_again(campaign: Path, out:
     assert load_results(results).verified
 
 
-def test_a_result_without_a_digest_in_a_folder_with_digests_is_rejected(out: Path, tmp_path: Path) -> None:
+def test_a_result_without_a_digest_in_a_folder_with_digests_is_rejected(
+    out: Path, tmp_path: Path
+) -> None:
     results, other = (shutil.copytree(out, tmp_path / name) for name in ("out", "other"))
     without_digests(other)
     shutil.copy(other / "runs" / "r9ohm.csv.json", results / "runs")
@@ -194,7 +220,10 @@ def test_a_result_without_a_digest_in_a_folder_with_digests_is_rejected(out: Pat
 
 @pytest.mark.parametrize("name", ["/etc/passwd", "../r9ohm.csv.json", "runs/../../x.json"])
 def test_a_summary_that_names_a_result_elsewhere_is_rejected(tmp_path: Path, name: str) -> None:
-    record = {"schema": "winchcascade/campaign/1", "runs": [{"name": "a", "fault": None, "result": name}]}
+    record = {
+        "schema": "winchcascade/campaign/1",
+        "runs": [{"name": "a", "fault": None, "result": name}],
+    }
     (tmp_path / "campaign.json").write_text(json.dumps(record))
     with pytest.raises(OutputError, match="leads out of this folder"):
         load_results(tmp_path)

@@ -22,11 +22,16 @@ def _batch(campaign: Path, folder: Path) -> Batch:
 def folder(fixtures: Path, tmp_path: Path) -> Path:
     """Results of a batch, with a page of a diagnosis that was written there afterwards."""
     _batch(fixtures / "campaign", tmp_path / "results")
-    publish(Report("Diagnosis of a campaign", "A sentence."), html=tmp_path / "results" / "diagnosis.html")
+    publish(
+        Report("Diagnosis of a campaign", "A sentence."),
+        html=tmp_path / "results" / "diagnosis.html",
+    )
     return tmp_path / "results"
 
 
-def test_the_page_lists_a_diagnosis_and_the_next_batch_keeps_it(fixtures: Path, folder: Path) -> None:
+def test_the_page_lists_a_diagnosis_and_the_next_batch_keeps_it(
+    fixtures: Path, folder: Path
+) -> None:
     assert "diagnosis.html" not in (folder / "index.html").read_text(encoding="utf-8")
     assert write_index(folder) == folder / "index.html"
     page = (folder / "index.html").read_bytes()
@@ -49,7 +54,9 @@ def test_a_folder_without_a_batch_gets_no_page(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_page_names_the_logs_that_failed_with_the_reason(fixtures: Path, tmp_path: Path) -> None:
+def test_the_page_names_the_logs_that_failed_with_the_reason(
+    fixtures: Path, tmp_path: Path
+) -> None:
     (tmp_path / "kaputt.csv").write_text("name,colour\na,b\n")
     logs = [str(fixtures / "campaign" / "r9ohm.csv"), str(tmp_path / "kaputt.csv")]
     with undrawn():

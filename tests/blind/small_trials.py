@@ -33,25 +33,42 @@ def sealed_trial(folder: Path, *answers: Answer) -> Path:
     return folder
 
 
-def cause(effect: str, *rivals: str, value: float = 0.5, half: float = 0.1, **further: Any) -> dict[str, Any]:
+def cause(
+    effect: str, *rivals: str, value: float = 0.5, half: float = 0.1, **further: Any
+) -> dict[str, Any]:
     """A cause as a diagnosis writes it, with an interval of a half-width about its value."""
     said = {"value": value, "low": value - half, "high": value + half, "unit": "1"}
     parameters = {PARTS[effect].parameter: said} if effect in PARTS else {}
     others = [{"effect": rival, "probability": 0.1} for rival in rivals]
-    return {"effect": effect, "probability": 0.99, "parameters": parameters, "rivals": others, **further}
+    return {
+        "effect": effect,
+        "probability": 0.99,
+        "parameters": parameters,
+        "rivals": others,
+        **further,
+    }
 
 
-def say(folder: Path, case: str, verdict: str, *causes: dict[str, Any], share: float | None = None) -> None:
+def say(
+    folder: Path, case: str, verdict: str, *causes: dict[str, Any], share: float | None = None
+) -> None:
     """Write a case's diagnosis."""
     closure = None if share is None else {"share_closed": share}
-    record = {"schema": "winchcascade/diagnosis/1", "verdict": verdict, "causes": list(causes), "closure": closure}
+    record = {
+        "schema": "winchcascade/diagnosis/1",
+        "verdict": verdict,
+        "causes": list(causes),
+        "closure": closure,
+    }
     (folder / DIAGNOSES).mkdir(exist_ok=True)
     (folder / DIAGNOSES / f"{case}.json").write_text(json.dumps(record))
 
 
 @contextmanager
 def cases_by(maker: Callable[[Case, Path], None]) -> Iterator[None]:
-    """Within this context the campaign of a case is written by another function, which takes less time than the twin."""
+    """Within this context the campaign of a case is written by another function, which takes
+    less time than the twin.
+    """
     with pytest.MonkeyPatch.context() as changed:
         changed.setattr("winchcascade.blind.trial.write_campaign", maker)
         yield
@@ -69,7 +86,12 @@ def guess(campaign_toml: Path) -> Mapping[str, object]:
     place = campaign_toml.parents[1]
     seen = sorted(str(path.relative_to(place)) for path in place.rglob("*") if path.is_file())
     causes = [cause("ke_shift")]
-    return {"schema": "winchcascade/diagnosis/1", "verdict": "explained", "causes": causes, "seen": seen}
+    return {
+        "schema": "winchcascade/diagnosis/1",
+        "verdict": "explained",
+        "causes": causes,
+        "seen": seen,
+    }
 
 
 def fail_on_the_second(campaign_toml: Path) -> Mapping[str, object]:

@@ -19,7 +19,10 @@ FAMILIES = runpy.run_path(str(PROGRAM.parent / "families.py"))
 
 
 def plans(family: str) -> list[Any]:
-    return [FAMILIES["plan_case"](family, number) for number in range(1, FAMILIES["FAMILIES"][family].cases + 1)]
+    return [
+        FAMILIES["plan_case"](family, number)
+        for number in range(1, FAMILIES["FAMILIES"][family].cases + 1)
+    ]
 
 
 def test_drawn_rigs_have_the_parts_that_their_effects_act_on_and_every_effect_is_tried() -> None:
@@ -39,7 +42,9 @@ def test_drawn_rigs_have_the_parts_that_their_effects_act_on_and_every_effect_is
 def test_a_wrong_product_is_one_of_gear_ratio_and_back_emf_as_often_on_rigs_with_a_gear() -> None:
     wrong = plans("undetermined")
     assert [plan.entry.effect for plan in wrong].count("gear_ratio") == len(wrong) / 2
-    assert all(0.03 <= abs(plan.entry.factor - 1.0) <= 0.1 and not plan.machine.direct for plan in wrong)
+    assert all(
+        0.03 <= abs(plan.entry.factor - 1.0) <= 0.1 and not plan.machine.direct for plan in wrong
+    )
 
 
 def trials(*arguments: str | Path) -> str:
@@ -51,12 +56,17 @@ def result(family: str, number: int, verdict: str, *causes: dict[str, Any]) -> s
     """A line of the results."""
     found = {"verdict": verdict, "causes": [{"probability": 0.9, **cause} for cause in causes]}
     times = {"making": 2.0, "diagnosing": 10.0, "processor": 11.0, "commit": "0000000"}
-    return json.dumps({"plan": {"family": family, "number": number}, "found": found, **times}) + "\n"
+    return (
+        json.dumps({"plan": {"family": family, "number": number}, "found": found, **times}) + "\n"
+    )
 
 
 @pytest.mark.slow
 def test_a_score_counts_the_results_and_lists_the_cases_that_missed(tmp_path: Path) -> None:
-    lines = [result("nothing", 1, "no_gap"), result("nothing", 2, "explained", {"effect": "rotor_windage"})]
+    lines = [
+        result("nothing", 1, "no_gap"),
+        result("nothing", 2, "explained", {"effect": "rotor_windage"}),
+    ]
     (tmp_path / "nothing.jsonl").write_text("".join((*lines, '{"plan": {"fam')))
     wrong = [{"effect": "load_entry", "run": run} for run in ("r27ohm.csv", "r9ohm.csv")]
     lines = [result("entries", 2, "explained", cause) for cause in wrong]
@@ -73,7 +83,18 @@ def test_a_score_counts_the_results_and_lists_the_cases_that_missed(tmp_path: Pa
 
 @pytest.mark.slow
 def test_a_case_is_made_once_and_diagnosed_once(tmp_path: Path) -> None:
-    part = ("--family", "calibrated", "--cases", "1", "--first", "3", "--jobs", "1", "--out", tmp_path)
+    part = (
+        "--family",
+        "calibrated",
+        "--cases",
+        "1",
+        "--first",
+        "3",
+        "--jobs",
+        "1",
+        "--out",
+        tmp_path,
+    )
     trials(*part, "--make", tmp_path / "made")
     folder = tmp_path / "made" / "calibrated" / "0003"
     assert len(list(folder.glob("*.csv"))) == 7

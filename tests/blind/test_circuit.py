@@ -18,8 +18,9 @@ VOLTAGE, CURRENT = 0.003, 0.01
 
 @njit(cache=True)
 def steady(c_dc: float, rpm: float, load: float, dt: float = 5e-5) -> tuple[float, float, float]:
-    """Run the bridge on its capacitor at one speed until it has forgotten how it began, and average the last tenth of the time:
-    voltage of the DC link [V], stator rms current [A], air-gap power [W].
+    """Run the bridge on its capacitor at one speed until it has forgotten how it began, and average
+    the last tenth of the time: voltage of the DC link [V], stator rms current [A], air-gap power
+    [W].
     """
     i, on, work = np.zeros(3), np.zeros(3, dtype=np.int64), np.zeros((4, 3))
     turn, v_dc = 2.0 * rpm * math.pi / 30.0, 1.2 * K_E * rpm
@@ -42,7 +43,15 @@ def steady(c_dc: float, rpm: float, load: float, dt: float = 5e-5) -> tuple[floa
 
 @pytest.mark.parametrize(
     ("rpm", "load"),
-    [(1000.0, 45.0), (3600.0, 36.0), (1800.0, 27.0), (2600.0, 18.0), (3600.0, 9.0), (1000.0, 4.5), (2600.0, 4.5)],
+    [
+        (1000.0, 45.0),
+        (3600.0, 36.0),
+        (1800.0, 27.0),
+        (2600.0, 18.0),
+        (3600.0, 9.0),
+        (1000.0, 4.5),
+        (2600.0, 4.5),
+    ],
 )
 def test_the_bridge_comes_to_rest_where_the_rigs_table_says(rpm: float, load: float) -> None:
     expected, found = solved(rpm, load), steady(Numbers().c_dc, rpm, load)
@@ -52,7 +61,10 @@ def test_the_bridge_comes_to_rest_where_the_rigs_table_says(rpm: float, load: fl
 
 @pytest.mark.parametrize("every", [5, pytest.param(1, marks=pytest.mark.slow)], ids=["some", "all"])
 def test_the_bridge_agrees_with_a_circuit_simulator(shared: Path, every: int) -> None:
-    capacitors = {"C1m": 1e-3, "C4m7": 4.7e-3}  # the third variant has a choke, which the twin has not
+    capacitors = {
+        "C1m": 1e-3,
+        "C4m7": 4.7e-3,
+    }  # the third variant has a choke, which the twin has not
     with (shared / "bridge" / "ngspice_bridge.csv").open() as file:
         rows = [row for row in csv.DictReader(file) if row["cfg"] in capacitors]
     assert len(rows) > 40
@@ -61,5 +73,9 @@ def test_the_bridge_agrees_with_a_circuit_simulator(shared: Path, every: int) ->
         found = steady(capacitors[row["cfg"]], rpm, load)
         if load <= 45.0 or rpm >= 1000.0:
             assert found[0] == pytest.approx(float(row["vdc"]), rel=VOLTAGE), row
-        if load <= 45.0:  # at the milliamperes of an open circuit the simulator's soft diodes drop less
-            assert found[1:] == pytest.approx((float(row["irms"]), float(row["pem"])), rel=CURRENT), row
+        if (
+            load <= 45.0
+        ):  # at the milliamperes of an open circuit the simulator's soft diodes drop less
+            assert found[1:] == pytest.approx(
+                (float(row["irms"]), float(row["pem"])), rel=CURRENT
+            ), row

@@ -1,4 +1,6 @@
-"""Rigs of all sizes: the paper's rig in other units, rigs that are drawn, and what the twin and the model make of them."""
+"""Rigs of all sizes: the paper's rig in other units, rigs that are drawn, and what the twin and
+the model make of them.
+"""
 
 import csv
 import math
@@ -24,7 +26,17 @@ from winchcascade.blind.cases import (
 )
 from winchcascade.blind.drive import COLUMNS, GRID, Drive, run_drive
 from winchcascade.blind.injected import INJECTED, Hidden
-from winchcascade.blind.machine import DRUM, GEAR, PAPER, POWER, RATED_POWER, STROKE, STROKES, Machine, draw_machine
+from winchcascade.blind.machine import (
+    DRUM,
+    GEAR,
+    PAPER,
+    POWER,
+    RATED_POWER,
+    STROKE,
+    STROKES,
+    Machine,
+    draw_machine,
+)
 from winchcascade.blind.machine_file import LOG_FACTORS, in_si_units, machine_toml
 from winchcascade.blind.simulators import noise_free
 from winchcascade.blind.truth import Truth
@@ -47,7 +59,9 @@ FIXED = Fixed()
 
 
 def in_units(units: Units) -> Machine:
-    """The paper's rig in other units; with another gear its machine has as many electrical turns for a turn of the drum."""
+    """The paper's rig in other units; with another gear its machine has as many electrical turns
+    for a turn of the drum.
+    """
     return Machine(units)
 
 
@@ -73,15 +87,19 @@ def numbers_of(rig: Rig) -> dict[str, Quantity]:
     return found
 
 
-# ------------------------------------------------------------------------------------------------------------- similarity
+# ------------------------------------------------------------------------------------- similarity
 WRITTEN = 2e-8
 """Share by which a number may differ that a rig file holds with nine digits."""
 
 U_GAUGE = 0.06
-"""Share by which the uncertainty of the absolute pressure is larger than the same share of the gauge pressure."""
+"""Share by which the uncertainty of the absolute pressure is larger than the same share of the
+gauge pressure.
+"""
 
 
-def test_the_rig_file_of_the_papers_rig_has_the_numbers_and_uncertainties_of_the_built_in_one(tmp_path: Path) -> None:
+def test_the_rig_file_of_the_papers_rig_has_the_numbers_and_uncertainties_of_the_built_in_one(
+    tmp_path: Path,
+) -> None:
     own, paper = rig_of(PAPER, tmp_path), built_in()
     ours, theirs = numbers_of(own), numbers_of(paper)
     assert ours.keys() == theirs.keys()
@@ -97,9 +115,13 @@ def test_the_rig_file_of_a_case_states_its_sensors_as_that_of_the_shipped_campai
 ) -> None:
     own, shipped = rig_of(PAPER, tmp_path), load_rig(fixtures / "campaign" / "rig.toml")
     for name, sensor in shipped.sensors.items():
-        assert own.sensors[name].u_zero == (sensor.u_zero and pytest.approx(sensor.u_zero, rel=1e-3)), name
+        assert own.sensors[name].u_zero == (
+            sensor.u_zero and pytest.approx(sensor.u_zero, rel=1e-3)
+        ), name
         assert own.sensors[name].u_gain == sensor.u_gain
-        assert own.sensors[name].resolution == (sensor.resolution and pytest.approx(sensor.resolution, rel=1e-3))
+        assert own.sensors[name].resolution == (
+            sensor.resolution and pytest.approx(sensor.resolution, rel=1e-3)
+        )
 
 
 POWERS = {
@@ -112,17 +134,22 @@ POWERS = {
     "generator.v_diode": (0, 0, 0, 1, 0, 0), "generator.speed_rated": (0, -1, 0, 0, 1, 0),
     "generator.i_rated": (1, -1, 1, -1, 0, 0), "dc_link.c_dc": (1, 0, 1, -2, 0, 0), "dc_link.r_bleed": (-1, 1, -1, 2, 0, 0),
 }  # fmt: skip
-"""Powers of length, time, force, voltage, gear and lead in each number of a rig file, the pressure being free of them; the
-inductance is that of a machine with as many electrical turns for a turn of the drum."""
+"""Powers of length, time, force, voltage, gear and lead in each number of a rig file, the pressure
+being free of them; the inductance is that of a machine with as many electrical turns for a turn of
+the drum."""
 
 
-def test_the_rig_file_in_other_units_has_each_number_times_its_powers_of_the_units(tmp_path: Path) -> None:
+def test_the_rig_file_in_other_units_has_each_number_times_its_powers_of_the_units(
+    tmp_path: Path,
+) -> None:
     paper, other = (numbers_of(rig_of(in_units(units), tmp_path)) for units in (Units(), OTHER))
     for key, number in paper.items():
         if key == "generator.pole_pairs":
             continue
         powers = POWERS.get(key, (0,) * 6)
-        factor = math.prod(unit**power for unit, power in zip(msgspec.structs.astuple(OTHER), powers, strict=True))
+        factor = math.prod(
+            unit**power for unit, power in zip(msgspec.structs.astuple(OTHER), powers, strict=True)
+        )
         assert other[key].value == pytest.approx(number.value * factor, rel=WRITTEN), key
 
 
@@ -144,7 +171,10 @@ def test_a_rig_without_scatter_is_the_scaled_twin_of_the_paper(tmp_path: Path) -
         for name, factor in LOG_FACTORS.items():
             expected = theirs[name] * OTHER.factor(factor)
             assert np.max(np.abs(ours[name] - expected)) < ROUNDED * np.max(np.abs(expected)), name
-    truths = [truth_of(msgspec.structs.replace(case, machine=in_units(units))) for units in (Units(), OTHER)]
+    truths = [
+        truth_of(msgspec.structs.replace(case, machine=in_units(units)))
+        for units in (Units(), OTHER)
+    ]
     assert truths[0].parameters == truths[1].parameters
 
 
@@ -155,7 +185,9 @@ def columns_of(path: Path) -> dict[str, np.ndarray]:
 
 
 STEPPED = 2e-3
-"""Largest difference of the drive in other units, as a share: a diode that rests is looked for in longer steps."""
+"""Largest difference of the drive in other units, as a share: a diode that rests is looked for
+in longer steps.
+"""
 
 
 def test_the_equations_of_the_drive_are_invariant_under_the_units() -> None:
@@ -179,7 +211,9 @@ def test_the_equations_of_the_drive_are_invariant_under_the_units() -> None:
         pole_pairs=FIXED.pole_pairs / OTHER.gear,
         v_diode=FIXED.v_diode * factor("volt"),
     )
-    slower = np.interp(np.arange(2 * v.size - 1) * 0.5, np.arange(v.size), v) / FIXED.r_drum / OTHER.time
+    slower = (
+        np.interp(np.arange(2 * v.size - 1) * 0.5, np.arange(v.size), v) / FIXED.r_drum / OTHER.time
+    )
     there = Drive(fixed, scaled, LOADS["r9ohm"] * factor("ohm"))
     found, _ = run_drive(slower, np.ones(slower.size - 1), there, fine // 2)
     both = 0.5 * (found[::2] + found[1::2])
@@ -188,7 +222,7 @@ def test_the_equations_of_the_drive_are_invariant_under_the_units() -> None:
         assert np.max(np.abs(both[:, k] - expected)) < STEPPED * np.max(expected), COLUMNS[k]
 
 
-# ------------------------------------------------------------------------------------------------------------------ drawing
+# ---------------------------------------------------------------------------------------- drawing
 @pytest.mark.parametrize("kind", KINDS)
 def test_drawn_rigs_are_of_all_sizes_within_what_is_stated(kind: str) -> None:
     rigs = [drawn(kind, seed) for seed in range(60)]
@@ -197,7 +231,12 @@ def test_drawn_rigs_are_of_all_sizes_within_what_is_stated(kind: str) -> None:
     drum = [FIXED.r_drum * one("length") for one in f]
     gear = [FIXED.gear * rig.units.gear for rig in rigs]
     stroke = [STROKE * rig.crane.stroke * one("length") for rig, one in zip(rigs, f, strict=True)]
-    for found, (low, high) in ((power, POWER), (drum, DRUM), (stroke, STROKES), (gear, (1.0, GEAR[1]))):
+    for found, (low, high) in (
+        (power, POWER),
+        (drum, DRUM),
+        (stroke, STROKES),
+        (gear, (1.0, GEAR[1])),
+    ):
         assert low * 0.999 <= min(found) < max(found) <= high * 1.001
     assert max(power) > 1e3 * min(power)
     assert max(drum) > 10.0 * min(drum)
@@ -221,20 +260,40 @@ def test_a_rig_has_what_the_model_of_its_file_lets_an_effect_act_on(tmp_path: Pa
 
 def test_the_truth_of_a_drawn_rig_is_in_its_units() -> None:
     machine = drawn("gas_screw")
-    case = Case("sizes", 1, 1, {"line_friction": 1.0, "rotor_viscous": 1.0, "drum_layering": 1.0}, machine=machine)
+    case = Case(
+        "sizes",
+        1,
+        1,
+        {"line_friction": 1.0, "rotor_viscous": 1.0, "drum_layering": 1.0},
+        machine=machine,
+    )
     hidden, _, _ = draw(case)
     found, factor = truth_of(case).parameters, machine.units.factor
-    assert found["line_friction"]["torque"] == pytest.approx(hidden.effects["line_friction"] * factor("torque"))
+    assert found["line_friction"]["torque"] == pytest.approx(
+        hidden.effects["line_friction"] * factor("torque")
+    )
     per_rotor = factor("torque_rotor") / factor("omega_rotor")
-    assert found["rotor_viscous"]["b_extra"] == pytest.approx(hidden.effects["rotor_viscous"] * per_rotor)
+    assert found["rotor_viscous"]["b_extra"] == pytest.approx(
+        hidden.effects["rotor_viscous"] * per_rotor
+    )
     layering = found["drum_layering"]["radius_change_per_10_m"]
     assert layering * factor("length") == pytest.approx(hidden.effects["drum_layering"])
 
 
 @pytest.mark.parametrize("effect", ["gear_ratio", "k_e_convention"])
-def test_each_suspect_of_a_wrong_product_makes_the_stated_product_the_true_one(effect: str, tmp_path: Path) -> None:
+def test_each_suspect_of_a_wrong_product_makes_the_stated_product_the_true_one(
+    effect: str, tmp_path: Path
+) -> None:
     machine = next(rig for seed in range(9) if not (rig := drawn("spring", seed)).direct)
-    case = Case("product", 1, 1, kind=PRODUCT, truth=Truth(), entry=WrongEntry(effect, 1.06), machine=machine)
+    case = Case(
+        "product",
+        1,
+        1,
+        kind=PRODUCT,
+        truth=Truth(),
+        entry=WrongEntry(effect, 1.06),
+        machine=machine,
+    )
     _, twin, _ = draw(case)
     (tmp_path / "rig.toml").write_text(machine_toml(machine, "wrong", {case.entry.key: 1.06}))  # type: ignore[union-attr]
     stated, factor = numbers_of(load_rig(tmp_path / "rig.toml")), machine.units.factor
@@ -246,7 +305,7 @@ def test_each_suspect_of_a_wrong_product_makes_the_stated_product_the_true_one(e
     assert k_e * found["k_e_convention"]["k_e_ratio"] * gear == pytest.approx(true, rel=1e-6)
 
 
-# ------------------------------------------------------------------------------------------------------- restoring modules
+# ------------------------------------------------------------------------------ restoring modules
 PULLS = {
     "spring": Restoring("spring", force=200.0, stiffness=10.0, friction=15.0),
     "counterweight": Restoring("counterweight", weight=250.0, friction=15.0),
@@ -255,7 +314,9 @@ PULLS = {
 """Restoring modules beside the gas, whose energy is that of its own law."""
 
 ENERGY = 1e-3
-"""Share of the work of the line by which its energy may deviate: the ends of a stroke are found within a step."""
+"""Share of the work of the line by which its energy may deviate: the ends of a stroke are found
+within a step.
+"""
 
 
 def solve_with(restoring: Restoring) -> tuple[Solved, Twin]:
@@ -277,7 +338,12 @@ def test_the_work_of_the_line_in_payout_is_in_shaft_and_restoring_module_or_lost
         from winchcascade.blind.twin import efficiencies
 
         forward, _ = efficiencies(Numbers().mu, FIXED)
-        push = found.channels["pressure"][:end] * Numbers().area * FIXED.lead / (2.0 * math.pi * FIXED.r_drum)
+        push = (
+            found.channels["pressure"][:end]
+            * Numbers().area
+            * FIXED.lead
+            / (2.0 * math.pi * FIXED.r_drum)
+        )
         held = GRID * float(np.sum(push * speed)) / forward
     else:
         held = restoring.force * travel + 0.5 * restoring.stiffness * travel**2
@@ -287,33 +353,45 @@ def test_the_work_of_the_line_in_payout_is_in_shaft_and_restoring_module_or_lost
 
 
 def test_a_line_that_nothing_pulls_back_is_slack_and_one_with_a_weight_never_is() -> None:
-    slack, taut = (solve_with(PULLS[kind])[0].channels["force"] for kind in ("none", "counterweight"))
+    slack, taut = (
+        solve_with(PULLS[kind])[0].channels["force"] for kind in ("none", "counterweight")
+    )
     assert np.min(slack) == 0.0
     assert np.min(taut) > 100.0
 
 
-# ------------------------------------------------------------------------------------------------------------- the product
+# ------------------------------------------------------------------------------------ the product
 FOLLOWED = 3e-3
-"""Share of the largest plateau mean of a channel by which the plateau means of model and twin may differ."""
+"""Share of the largest plateau mean of a channel by which the plateau means of model and twin
+may differ.
+"""
 
 TESTED = ("open_circuit", "r45ohm", "r18ohm", "r4p5ohm")
 
 
 def true_machine(machine: Machine, twin: Twin) -> Machine:
     """A rig whose file states what the twin has."""
-    return msgspec.structs.replace(machine, numbers=twin.numbers, restoring=twin.restoring, loads=twin.loads)
+    return msgspec.structs.replace(
+        machine, numbers=twin.numbers, restoring=twin.restoring, loads=twin.loads
+    )
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))])
-def test_the_model_of_the_true_rig_agrees_with_the_twin(kind: str, seed: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))]
+)
+def test_the_model_of_the_true_rig_agrees_with_the_twin(
+    kind: str, seed: int, tmp_path: Path
+) -> None:
     machine = drawn(kind, seed)
     _, twin, rng = draw(Case("followed", 1, seed, machine=machine))
     twin = msgspec.structs.replace(twin, gains=dict.fromkeys(SENSORS, 1.0))
     rig = rig_of(true_machine(machine, twin), tmp_path)
     means: dict[str, list[tuple[float, float]]] = {}
     for log in TESTED:
-        solved = solve_twin(twin, log, *draw_motion(log, rng, machine.crane), fine=steps_of(machine))
+        solved = solve_twin(
+            twin, log, *draw_motion(log, rng, machine.crane), fine=steps_of(machine)
+        )
         write_log(tmp_path / "log.csv", in_si_units(machine, noise_free(twin, solved)))
         load = math.inf if log == "open_circuit" else twin.loads[log] * machine.units.factor("ohm")
         run = read_run(tmp_path / "log.csv", rig=rig, load=load)
@@ -322,7 +400,9 @@ def test_the_model_of_the_true_rig_agrees_with_the_twin(kind: str, seed: int, tm
         for name in SENSORS:
             if name in simulated.channels:
                 a, b = run.channels[name], simulated.channels[name]
-                means.setdefault(name, []).append((float(np.mean(a[plateau])), float(np.mean(b[plateau]))))
+                means.setdefault(name, []).append(
+                    (float(np.mean(a[plateau])), float(np.mean(b[plateau])))
+                )
         force = means["force"][-1][0]
         at_back = [float(np.mean(one.channels["force"][haul_in])) for one in (run, simulated)]
         assert abs(at_back[0] - at_back[1]) < FOLLOWED * force
@@ -337,11 +417,15 @@ EFFICIENCY = (0.3, 0.95)
 
 
 LOSSLESS = {"efficiency_above_one"}
-"""Finding where nothing is lost between line and shaft, without a restoring module: eta_trans is 1, and noise lifts it."""
+"""Finding where nothing is lost between line and shaft, without a restoring module: eta_trans is
+1, and noise lifts it.
+"""
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 5))])
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 5))]
+)
 def test_a_drawn_case_is_reduced_without_findings(kind: str, seed: int, tmp_path: Path) -> None:
     machine = drawn(kind, seed)
     write_campaign(Case("drawn", 1, seed, machine=machine, logger=machine.logger), tmp_path)

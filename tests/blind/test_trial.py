@@ -47,7 +47,9 @@ class Interrupt(Nobody):
 
 
 def content(folder: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+    return {
+        str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()
+    }
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +64,7 @@ def trial(dealt: Path, tmp_path: Path) -> Path:
     return shutil.copytree(dealt, tmp_path / "trial")
 
 
-# --------------------------------------------------------------------------------------------------------------- dealing
+# ---------------------------------------------------------------------------------------- dealing
 def test_a_plan_holds_every_effect_at_every_strength_pairs_none_and_outsiders_in_no_order() -> None:
     plan = plan_cases(124, 1)
     singles = {pair for case in plan if case.kind == "single" for pair in case.effects.items()}
@@ -82,18 +84,26 @@ def test_a_seed_deals_what_it_always_has(dealt: Path) -> None:
     assert hashlib.sha256(logs).hexdigest()[:16] == "d670e857287fd2ab"
 
 
-def test_a_dealt_case_is_a_campaign_of_seven_logs_that_says_nothing_of_what_it_hides(dealt: Path) -> None:
+def test_a_dealt_case_is_a_campaign_of_seven_logs_that_says_nothing_of_what_it_hides(
+    dealt: Path,
+) -> None:
     campaign = load_campaign(dealt / "case-0001")
     assert campaign.title == "case-0001"
     assert [run.load for run in campaign.runs] == [float("inf"), 45.0, 36.0, 27.0, 18.0, 9.0, 4.5]
     assert all(run.file.is_file() for run in campaign.runs)
     assert {p.name for p in dealt.iterdir()} == {"case-0001", "case-0002", SEALED, TRIAL}
-    words = {word for text in content(dealt / "case-0001").values() for word in re.findall(r"\w+", text.decode())}
+    words = {
+        word
+        for text in content(dealt / "case-0001").values()
+        for word in re.findall(r"\w+", text.decode())
+    }
     assert words.isdisjoint(PARTS)
     assert not any(word in (dealt / TRIAL).read_text() for word in ("seed", *PARTS))
 
 
-def test_a_call_that_was_cut_short_is_taken_up_and_ends_in_the_same_bytes(dealt: Path, tmp_path: Path) -> None:
+def test_a_call_that_was_cut_short_is_taken_up_and_ends_in_the_same_bytes(
+    dealt: Path, tmp_path: Path
+) -> None:
     out = tmp_path / "again"
     with pytest.raises(KeyboardInterrupt):
         deal(out, CASES, SEED, watch=Interrupt(1))
@@ -115,7 +125,7 @@ def test_another_trial_is_not_dealt_over_one_unless_forced(trial: Path, tmp_path
         deal(tmp_path, 1, 1)
 
 
-# -------------------------------------------------------------------------------------------------------------- the seal
+# --------------------------------------------------------------------------------------- the seal
 def test_changed_or_missing_answers_are_rejected(trial: Path) -> None:
     shutil.rmtree(trial / "case-0002")
     (trial / SEALED).write_text((trial / SEALED).read_text().replace('"seed": ', '"seed": 1'))
@@ -129,7 +139,14 @@ def test_changed_or_missing_answers_are_rejected(trial: Path) -> None:
 
 @pytest.mark.parametrize(
     "record",
-    [b"", b"[]", b"{}", b'{"schema": "winchcascade/trial/1"}', b'{"schema": "\xff"}', b'{"a": ' + 9999 * b"["],
+    [
+        b"",
+        b"[]",
+        b"{}",
+        b'{"schema": "winchcascade/trial/1"}',
+        b'{"schema": "\xff"}',
+        b'{"a": ' + 9999 * b"[",
+    ],
 )
 def test_a_folder_without_a_record_of_a_trial_is_rejected(tmp_path: Path, record: bytes) -> None:
     if record:
@@ -138,7 +155,7 @@ def test_a_folder_without_a_record_of_a_trial_is_rejected(tmp_path: Path, record
         read_trial(tmp_path)
 
 
-# ------------------------------------------------------------------------------------------------------------- diagnosing
+# ------------------------------------------------------------------------------------- diagnosing
 def test_a_diagnosis_sees_the_campaign_of_its_case_and_nothing_else(trial: Path) -> None:
     (trial / SEALED).unlink()  # it stays sealed: diagnose does without it
     assert diagnose(trial, guess).faults == {}
@@ -152,7 +169,9 @@ def test_a_diagnosis_sees_the_campaign_of_its_case_and_nothing_else(trial: Path)
     assert record["seen"] == [f"case-0002/{name}" for name in logs]
 
 
-def test_what_is_diagnosed_is_kept_as_long_as_the_logs_are_the_same(trial: Path, tmp_path: Path) -> None:
+def test_what_is_diagnosed_is_kept_as_long_as_the_logs_are_the_same(
+    trial: Path, tmp_path: Path
+) -> None:
     with pytest.raises(KeyboardInterrupt):
         diagnose(trial, guess, watch=Interrupt(1))
     assert [diagnose(trial, guess).kept for _ in range(2)] == [1, 2]
@@ -191,11 +210,15 @@ def test_a_case_that_fails_does_not_stop_the_others_and_leaves_what_is_there(tri
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("cluster", [False, True])
-def test_processes_and_a_cluster_deal_and_diagnose_the_same_bytes(dealt: Path, tmp_path: Path, cluster: bool) -> None:
+def test_processes_and_a_cluster_deal_and_diagnose_the_same_bytes(
+    dealt: Path, tmp_path: Path, cluster: bool
+) -> None:
     from distributed import LocalCluster
 
     out, workers = tmp_path / "there", Workers(2)
-    with LocalCluster(n_workers=int(cluster), threads_per_worker=1, dashboard_address=None) as found:  # type: ignore[no-untyped-call]
+    with LocalCluster(
+        n_workers=int(cluster), threads_per_worker=1, dashboard_address=None
+    ) as found:  # type: ignore[no-untyped-call]
         if cluster:
             workers = Workers(scheduler=found.scheduler_address)
         assert deal(out, CASES, SEED, workers=workers).faults == {}
@@ -203,12 +226,20 @@ def test_processes_and_a_cluster_deal_and_diagnose_the_same_bytes(dealt: Path, t
         assert diagnose(out, guess, workers=workers).faults == {}
 
 
-# ---------------------------------------------------------------------------------------- nothing outside of the folder
+# ------------------------------------------------------------------ nothing outside of the folder
 NAMES = (
     "../user", "../../user", "case-0001/../../user", "..", ".", "", "user", "case-1", "CASE-0001", "case-0001/", "case-0001\n",
     "..\\user", "C:\\user", "\u0000", "case-0000",
 )  # fmt: skip
-LINKS = (TRIAL, SEALED, LOCK, "case-0001", "case-0001/r9ohm.csv", "diagnoses", "diagnoses/case-0001.json")
+LINKS = (
+    TRIAL,
+    SEALED,
+    LOCK,
+    "case-0001",
+    "case-0001/r9ohm.csv",
+    "diagnoses",
+    "diagnoses/case-0001.json",
+)
 ACTS: dict[str, Callable[[Path], object]] = {
     "deal": lambda trial: deal(trial, 2, SEED),
     "deal by force": lambda trial: deal(trial, 1, SEED + 1, force=True),
@@ -218,13 +249,17 @@ ACTS: dict[str, Callable[[Path], object]] = {
 
 
 def forge(trial: Path, name: str) -> None:
-    """Name a case otherwise in the record of a trial and in its answers, with the digest that belongs to them."""
+    """Name a case otherwise in the record of a trial and in its answers, with the digest that
+    belongs to them.
+    """
     answers = json.loads((trial / SEALED).read_bytes())
     answers["answers"][0]["case"] = name
     sealed = json.dumps(answers).encode()
     (trial / SEALED).write_bytes(sealed)
     record = json.loads((trial / TRIAL).read_bytes())
-    (trial / TRIAL).write_text(json.dumps(record | {"cases": [name], "sealed_sha256": digest_of(sealed)}))
+    (trial / TRIAL).write_text(
+        json.dumps(record | {"cases": [name], "sealed_sha256": digest_of(sealed)})
+    )
 
 
 def link(trial: Path, user: Path, name: str) -> None:
@@ -236,10 +271,15 @@ def link(trial: Path, user: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("act", ACTS)
-def test_no_forged_name_and_no_link_leads_a_call_out_of_its_folder(dealt: Path, tmp_path: Path, act: str) -> None:
+def test_no_forged_name_and_no_link_leads_a_call_out_of_its_folder(
+    dealt: Path, tmp_path: Path, act: str
+) -> None:
     rejected = 0
     for k, name in enumerate((*NAMES, *LINKS)):
-        trial, user = shutil.copytree(dealt, tmp_path / f"{k}" / "trial"), tmp_path / f"{k}" / "user"
+        trial, user = (
+            shutil.copytree(dealt, tmp_path / f"{k}" / "trial"),
+            tmp_path / f"{k}" / "user",
+        )
         diagnose(trial, guess)
         (user / "case-0001").mkdir(parents=True)
         (user / "own.json").write_text('{"schema": "winchcascade/reduction/1", "mine": true}')
@@ -261,7 +301,11 @@ def test_no_forged_name_and_no_link_leads_a_call_out_of_its_folder(dealt: Path, 
 
 def test_the_command_rejects_a_forged_name_with_one_sentence(trial: Path) -> None:
     forge(trial, "../user")
-    for words in (("deal", "--cases", "2", "--seed", f"{SEED}", "--out"), ("diagnose",), ("score",)):
+    for words in (
+        ("deal", "--cases", "2", "--seed", f"{SEED}", "--out"),
+        ("diagnose",),
+        ("score",),
+    ):
         said = call("blind", *words, trial)
         assert said.code == 2
         assert "case 1 is named '../user'; expected names such as case-0001" in said.err

@@ -1,4 +1,6 @@
-"""Comparison of two sides: what they may be, how runs are matched, what is noted, and the limit of a drop."""
+"""Comparison of two sides: what they may be, how runs are matched, what is noted, and the limit
+of a drop.
+"""
 
 import json
 import math
@@ -13,7 +15,15 @@ import pytest
 from msgspec.structs import replace
 from test_cli import one_sentence, winchcascade
 
-from winchcascade import Comparison, OptionError, compare, open_campaign, read_run, reduce, write_report
+from winchcascade import (
+    Comparison,
+    OptionError,
+    compare,
+    open_campaign,
+    read_run,
+    reduce,
+    write_report,
+)
 from winchcascade.comparison.compared_run import CompareError
 from winchcascade.comparison.differences import Difference
 from winchcascade.comparison.gate import Gate, drop_gate
@@ -75,7 +85,7 @@ def messages(comparison: Comparison, kind: str) -> str:
     return " ".join(note.message for note in comparison.notes if note.kind == kind)
 
 
-# ------------------------------------------------------------------------------------------------ differences
+# ------------------------------------------------------------------------------------ differences
 def test_runs_are_matched_by_load_and_subtracted(found: Comparison) -> None:
     assert [runs.label for runs in found.runs] == ["open circuit", "36 ohm", "9 ohm"]
     assert (found.matched_by, found.overall) == ("load", "eta_pto")
@@ -91,27 +101,40 @@ def test_runs_are_matched_by_load_and_subtracted(found: Comparison) -> None:
 
 def test_the_parts_are_those_of_the_budgets(found: Comparison) -> None:
     known = budget(
-        reduce(read_run(LOGS / "r36ohm.csv", rig=load_rig("hsu2026"), load=36.0, campaign=False), window=5.48)
+        reduce(
+            read_run(LOGS / "r36ohm.csv", rig=load_rig("hsu2026"), load=36.0, campaign=False),
+            window=5.48,
+        )
     )
     one = of(found, "36 ohm", "eta_trans")  # does not depend on the current
     assert one.sensors == pytest.approx(math.sqrt(2.0) * known.sensors.value("eta_trans"), rel=1e-5)
-    assert one.repeatability == pytest.approx(math.sqrt(2.0) * known.repeatability.value("eta_trans"), rel=1e-6)
+    assert one.repeatability == pytest.approx(
+        math.sqrt(2.0) * known.repeatability.value("eta_trans"), rel=1e-6
+    )
 
 
 def test_common_sensors_narrow_the_interval(found: Comparison, place: Path) -> None:
     same = compare(place / "before", place / "after", same_sensors=True)
-    assert same.shared == ("idc", "timing", "vdc")  # the limits of the others are of their range, not of the reading
+    assert same.shared == (
+        "idc",
+        "timing",
+        "vdc",
+    )  # the limits of the others are of their range, not of the reading
     for metric in ("eta_gen", "eta_pto"):
         wide, narrow = (of(one, "36 ohm", metric) for one in (found, same))
         assert narrow.value == wide.value
         assert (narrow.sensors or 0.0) < 0.9 * (wide.sensors or 0.0)
-    assert (of(same, "36 ohm", "energy_gen").sensors or 0.0) < 0.6 * (of(found, "36 ohm", "energy_gen").sensors or 0.0)
+    assert (of(same, "36 ohm", "energy_gen").sensors or 0.0) < 0.6 * (
+        of(found, "36 ohm", "energy_gen").sensors or 0.0
+    )
 
 
 def test_a_zero_that_only_limits_bound_does_not_average_out_over_the_logs_of_a_side(
     tmp_path: Path, fixtures: Path
 ) -> None:
-    """Of three repeats on a side, the zero of the force cell acts as on one, unless it is set anew in each log."""
+    """Of three repeats on a side, the zero of the force cell acts as on one, unless it is set
+    anew in each log.
+    """
     sensor = '[sensors.force]\nunit = "N"\nhigh = 20000\naccuracy_full_scale = 0.002\nu_lag = 0\n'
     ratio = {}
     for basis, more in (("limits", ""), ("in place", "u_zero = 23\nu_gain = 0\n")):
@@ -126,7 +149,9 @@ def test_a_zero_that_only_limits_bound_does_not_average_out_over_the_logs_of_a_s
                 runs += f'[[run]]\nfile = "run{k}.csv"\nload_ohm = 36\nwindow_s = 5.48\n'
             (side / "campaign.toml").write_text(f'title = "{basis}"\nrig = "rig.toml"\n{runs}')
             found.append(side)
-        one, three = (of(compare(side, side), "36 ohm", "energy_line").sensors or 0.0 for side in found)
+        one, three = (
+            of(compare(side, side), "36 ohm", "energy_line").sensors or 0.0 for side in found
+        )
         ratio[basis] = three / one
     assert ratio["limits"] == pytest.approx(1.0, rel=0.01)
     assert ratio["in place"] == pytest.approx(1.0 / math.sqrt(3.0), rel=0.01)
@@ -139,14 +164,22 @@ def test_swapped_sides_change_the_sign_alone(found: Comparison, place: Path) -> 
     assert other.interval == pytest.approx(tuple(-end for end in reversed(one.interval or ())))
 
 
-# ------------------------------------------------------------------------------------------------ what a side may be
+# ----------------------------------------------------------------------------- what a side may be
 def test_a_side_may_be_a_campaign_a_batch_a_json_a_log_or_a_result(
     found: Comparison, place: Path, tmp_path: Path
 ) -> None:
     before = place / "before"
-    assert winchcascade("batch", before, "--out", tmp_path / "out", "--reports", "none").returncode == 0
+    assert (
+        winchcascade("batch", before, "--out", tmp_path / "out", "--reports", "none").returncode
+        == 0
+    )
     opened = open_campaign(before).reduce()
-    sides: list[Any] = [before / "campaign.toml", tmp_path / "out", tmp_path / "out" / "campaign.json", opened]
+    sides: list[Any] = [
+        before / "campaign.toml",
+        tmp_path / "out",
+        tmp_path / "out" / "campaign.json",
+        opened,
+    ]
     for side in sides:
         whole = compare(side, place / "after")
         assert len(whole.runs) == 3
@@ -184,7 +217,9 @@ def comparison_source(place: Path) -> dict[str, Any]:
     return record
 
 
-def test_a_json_without_a_split_counts_its_gains_as_independent(place: Path, tmp_path: Path) -> None:
+def test_a_json_without_a_split_counts_its_gains_as_independent(
+    place: Path, tmp_path: Path
+) -> None:
     path = changed(place, tmp_path / "old.json", lambda record: record["uncertainty"].pop("budget"))
     old = compare(path, place / "after", same_sensors=True)
     assert "does not split" in messages(old, "shared_gains")
@@ -202,7 +237,7 @@ def test_what_is_no_reduction_is_reported(place: Path, tmp_path: Path) -> None:
             compare(path, place / "after")
 
 
-# ------------------------------------------------------------------------------------------------ matching
+# --------------------------------------------------------------------------------------- matching
 def test_repeats_of_a_load_are_pooled(place: Path, tmp_path: Path) -> None:
     folder = tmp_path / "repeats"
     shutil.copytree(place / "before", folder)
@@ -249,7 +284,7 @@ def test_nothing_in_common_is_one_sentence(place: Path, tmp_path: Path) -> None:
         compare(loose, place / "after")
 
 
-# ------------------------------------------------------------------------------------------------ notes
+# ------------------------------------------------------------------------------------------ notes
 def test_windows_that_differ_are_noted(place: Path, found: Comparison) -> None:
     plain = reduce(read_run(place / "after" / "r36ohm.csv"), window="auto")
     other = compare(place / "before", plain)
@@ -258,7 +293,9 @@ def test_windows_that_differ_are_noted(place: Path, found: Comparison) -> None:
 
 
 def test_cycles_of_other_sources_are_noted(place: Path, tmp_path: Path) -> None:
-    path = changed(place, tmp_path / "waves.json", lambda record: record.update(cycles_from="waves"))
+    path = changed(
+        place, tmp_path / "waves.json", lambda record: record.update(cycles_from="waves")
+    )
     waves = compare(path, place / "after")
     assert "the cycles of A come from waves, those of B from velocity" in messages(waves, "windows")
     assert "waves count as independent" in messages(waves, "repeatability")
@@ -270,12 +307,19 @@ def test_kinds_of_data_that_differ_are_noted(found: Comparison) -> None:
 
 def test_a_simulated_log_has_no_errors_of_sensors(place: Path, tmp_path: Path) -> None:
     log = place / "before" / "r36ohm.csv"
-    assert winchcascade("simulate", log, "--out", tmp_path / "simulated.csv", "--load-ohm", "36").returncode == 0
+    assert (
+        winchcascade(
+            "simulate", log, "--out", tmp_path / "simulated.csv", "--load-ohm", "36"
+        ).returncode
+        == 0
+    )
     twin = reduce(read_run(tmp_path / "simulated.csv", load=36.0), window=5.48)
     both = compare(log, twin)
     one = of(both, "36 ohm", "eta_pto")
     measured = compare(log, log)
-    assert one.sensors == pytest.approx((of(measured, "36 ohm", "eta_pto").sensors or 0.0) / math.sqrt(2.0))
+    assert one.sensors == pytest.approx(
+        (of(measured, "36 ohm", "eta_pto").sensors or 0.0) / math.sqrt(2.0)
+    )
     assert "a simulated log has no errors of sensors" in messages(both, "data")
 
 
@@ -298,9 +342,13 @@ def test_motions_that_differ_are_noted(place: Path, tmp_path: Path) -> None:
 
 
 def test_unknown_accuracies_leave_no_interval(place: Path, tmp_path: Path) -> None:
-    (tmp_path / "bare.toml").write_text('name = "bare"\n[winch]\nr_drum = { value = 0.13, unit = "m" }\n')
+    (tmp_path / "bare.toml").write_text(
+        'name = "bare"\n[winch]\nr_drum = { value = 0.13, unit = "m" }\n'
+    )
     rig = read_rig(tmp_path / "bare.toml")
-    bare = reduce(read_run(place / "after" / "r36ohm.csv", load=36.0, rig=rig), rig=rig, window=5.48)
+    bare = reduce(
+        read_run(place / "after" / "r36ohm.csv", load=36.0, rig=rig), rig=rig, window=5.48
+    )
     both = compare(place / "before", bare)
     assert of(both, "36 ohm", "eta_pto").interval is None
     assert "no interval of any metric for lack of an accuracy" in messages(both, "accuracy")
@@ -336,7 +384,7 @@ def test_stages_of_another_bench_are_compared_too(place: Path, tmp_path: Path) -
         drop_gate(mixed, 0.01)
 
 
-# ------------------------------------------------------------------------------------------------ the limit
+# -------------------------------------------------------------------------------------- the limit
 def test_the_estimate_decides_and_the_interval_is_stated(found: Comparison) -> None:
     strict, loose = drop_gate(found, 0.01), drop_gate(found, 0.1)
     assert [drop.label for drop in strict.failed] == ["36 ohm", "9 ohm"]
@@ -357,7 +405,9 @@ def test_an_improvement_passes_any_limit(place: Path) -> None:
 
 
 @pytest.mark.parametrize("limit", [-0.1, 1.0, math.nan, math.inf])
-def test_a_limit_that_is_no_difference_of_efficiencies_is_rejected(found: Comparison, limit: float) -> None:
+def test_a_limit_that_is_no_difference_of_efficiencies_is_rejected(
+    found: Comparison, limit: float
+) -> None:
     with pytest.raises(OptionError, match="one percentage point"):
         drop_gate(found, limit)
 
@@ -381,7 +431,7 @@ def test_the_command_exits_with_1_beyond_the_limit(place: Path, tmp_path: Path) 
     assert (done.returncode, "is an input" in one_sentence(done.stderr)) == (2, True)
 
 
-# ------------------------------------------------------------------------------------------------ outputs
+# ---------------------------------------------------------------------------------------- outputs
 def test_the_json_holds_every_difference(found: Comparison) -> None:
     gate: Gate = drop_gate(found, 0.01)
     record = json.loads(json_bytes(comparison_record(found, gate)))
@@ -392,10 +442,18 @@ def test_the_json_holds_every_difference(found: Comparison) -> None:
     one = run["differences"]["eta_pto"]
     assert one["difference"] == pytest.approx(one["b"] - one["a"])
     assert one["interval_95"][0] < one["difference"] < one["interval_95"][1]
-    assert one["standard_uncertainty"] == pytest.approx(math.hypot(one["sensors"], one["repeatability"]))
+    assert one["standard_uncertainty"] == pytest.approx(
+        math.hypot(one["sensors"], one["repeatability"])
+    )
     assert record["runs"][0]["differences"]["eta_pto"] is None
     assert (record["runs"][0]["load_ohm"], record["runs"][0]["a"][0]["load_ohm"]) == (None, None)
-    assert set(record["gate"]["drops"][0]) == {"label", "load_ohm", "drop", "interval_95", "verdict"}
+    assert set(record["gate"]["drops"][0]) == {
+        "label",
+        "load_ohm",
+        "drop",
+        "interval_95",
+        "verdict",
+    }
     assert all(set(note) == {"kind", "message", "runs", "details"} for note in record["notes"])
     assert record["gate"]["drops"][0]["drop"] == pytest.approx(-one["difference"])
 
@@ -419,7 +477,9 @@ def test_the_report_states_each_difference_once_with_its_digits(place: Path) -> 
     assert list(frame["excludes 0"]) == ["no", "yes", "yes", "yes"]
     assert stated["limit"].frame()["outcome"].tolist() == ["failed"]
     assert len(stated["logs"].items) == 4
-    named = {m: len(stated[f"{m}-differences"].items) for m in ("energies", "powers", "whole-cycles")}
+    named = {
+        m: len(stated[f"{m}-differences"].items) for m in ("energies", "powers", "whole-cycles")
+    }
     assert named == {"energies": 3, "powers": 3, "whole-cycles": 4}
 
 
@@ -431,7 +491,9 @@ def test_an_interval_beyond_zero_is_never_rounded_to_zero(found: Comparison) -> 
 
 
 def test_every_run_without_a_partner_is_stated(place: Path, tmp_path: Path) -> None:
-    done = winchcascade("compare", place / "before" / "r36ohm.csv", place / "after", "--tables", tmp_path / "t")
+    done = winchcascade(
+        "compare", place / "before" / "r36ohm.csv", place / "after", "--tables", tmp_path / "t"
+    )
     assert all(name in done.stdout for name in ("r9ohm.csv", "open_circuit.csv"))
     assert max(map(len, done.stdout.splitlines())) <= 100
     assert len(list((tmp_path / "t").glob("comparison_*.csv"))) == 6
@@ -459,7 +521,15 @@ def test_frame_plot_and_table_of_a_notebook(found: Comparison) -> None:
 def test_page_and_pdf(found: Comparison, place: Path, tmp_path: Path) -> None:
     page = write_report(found, tmp_path / "c.html").read_text()
     assert page.count("<table") == len(tables(found))
-    command = ("compare", place / "before", place / "after", "--max-drop", "0.01", "--html", tmp_path / "d.html")
+    command = (
+        "compare",
+        place / "before",
+        place / "after",
+        "--max-drop",
+        "0.01",
+        "--html",
+        tmp_path / "d.html",
+    )
     done = winchcascade(*command, "--pdf", tmp_path / "d.pdf")
     assert done.returncode == 1
     assert 'id="table-limit"' in (tmp_path / "d.html").read_text()
@@ -471,13 +541,19 @@ def test_names_from_files_are_escaped_on_a_page(place: Path, tmp_path: Path) -> 
     folder = tmp_path / "<b>&amp;"
     shutil.copytree(place / "after", folder)
     page = write_report(compare(place / "before", folder), tmp_path / "c.html").read_text()
-    assert "<b>&amp;" not in page.partition("<main>")[2].replace("<b>Figure", "").replace("<b>Table", "")
+    assert "<b>&amp;" not in page.partition("<main>")[2].replace("<b>Figure", "").replace(
+        "<b>Table", ""
+    )
 
 
 def test_a_dollar_in_a_name_is_drawn_as_it_is(found: Comparison) -> None:
     runs = tuple(replace(run, label=rf"a${k}\frac$", load=None) for k, run in enumerate(found.runs))
     (figure,) = [
-        block.figure for block in comparison_report(replace(found, runs=runs)).blocks if isinstance(block, Picture)
+        block.figure
+        for block in comparison_report(replace(found, runs=runs)).blocks
+        if isinstance(block, Picture)
     ]
     figure.draw_without_rendering()
-    assert [label.get_text() for label in figure.axes[-1].get_xticklabels()] == [run.label for run in reversed(runs)]
+    assert [label.get_text() for label in figure.axes[-1].get_xticklabels()] == [
+        run.label for run in reversed(runs)
+    ]

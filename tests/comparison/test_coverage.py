@@ -1,4 +1,6 @@
-"""Intervals of differences hold the true difference as often as they say, with independent and with common sensors."""
+"""Intervals of differences hold the true difference as often as they say, with independent and
+with common sensors.
+"""
 
 import math
 from collections.abc import Mapping
@@ -23,10 +25,19 @@ FEW = 100
 """Pairs that are enough for a mean width."""
 
 LOWEST, HIGHEST = 0.92, 0.985
-"""Of 600 intervals of 95 %, fewer than 92 % or more than 98.5 % hold the truth less than once in a thousand times. The sum of
-the few rectangular errors of these sensors is flatter than normal, which makes intervals hold up to 97 %."""
+"""Of 600 intervals of 95 %, fewer than 92 % or more than 98.5 % hold the truth less than once in a
+thousand times. The sum of the few rectangular errors of these sensors is flatter than normal, which
+makes intervals hold up to 97 %."""
 
-METRICS = ("eta_trans", "eta_gen", "eta_pto", "energy_line", "energy_mech", "energy_gen", "power_gen")
+METRICS = (
+    "eta_trans",
+    "eta_gen",
+    "eta_pto",
+    "energy_line",
+    "energy_mech",
+    "energy_gen",
+    "power_gen",
+)
 SOURCES = [s for name, sensor in built_in().sensors.items() for s in error_sources(name, sensor)]
 CHANNELS = ("force", "torque", "vdc", "idc")
 CYCLES = 4
@@ -35,7 +46,9 @@ Errors = dict[tuple[str, str], float]
 
 
 def errors(rng: np.random.Generator, part: str) -> Errors:
-    """Draw gains or zeros of all sensors as the rig states them, by limits or by one standard uncertainty."""
+    """Draw gains or zeros of all sensors as the rig states them, by limits or by one standard
+    uncertainty.
+    """
     found: Errors = {}
     for s in SOURCES:
         if s.part == part and s.channel in CHANNELS:
@@ -77,7 +90,8 @@ def truth(t: Signal, channels: Channels, scatter: float) -> dict[str, float]:
 def trials(
     scatter: float, *, common: bool, same_sensors: bool, repeats: int = 1, pairs: int = TRIALS
 ) -> tuple[dict[str, float], float]:
-    """Share of the intervals that hold the true difference, by metric, and the mean width of those of eta_pto.
+    """Share of the intervals that hold the true difference, by metric, and the mean width of those
+    of eta_pto.
 
     Parameters
     ----------
@@ -94,8 +108,15 @@ def trials(
         sides = []
         for name, channels in (("A", a), ("B", b)):
             own = gains if common else errors(rng, "gain")
-            logs = [read(scattered(channels, rng, scatter), own | errors(rng, "zero")) for _ in range(repeats)]
-            sides.append(ComparedSide(name, tuple(compared(t, log, f"{name}{k}") for k, log in enumerate(logs))))
+            logs = [
+                read(scattered(channels, rng, scatter), own | errors(rng, "zero"))
+                for _ in range(repeats)
+            ]
+            sides.append(
+                ComparedSide(
+                    name, tuple(compared(t, log, f"{name}{k}") for k, log in enumerate(logs))
+                )
+            )
         (runs,) = compare_sides(*sides, same_sensors=same_sensors).runs
         for m in METRICS:
             one = runs.of(m)

@@ -1,4 +1,6 @@
-"""Differences of means: closed forms of the parts of their uncertainty, of degrees of freedom and of pooled repeats."""
+"""Differences of means: closed forms of the parts of their uncertainty, of degrees of freedom
+and of pooled repeats.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,7 +17,11 @@ ETA = "eta_pto"
 
 
 def run(
-    values: Sequence[float], *, gains: Mapping[str, float] | None = None, rest: float | None = 0.0, u: float = 0.01
+    values: Sequence[float],
+    *,
+    gains: Mapping[str, float] | None = None,
+    rest: float | None = 0.0,
+    u: float = 0.01,
 ) -> ComparedRun:
     """Make a log whose only metric has these values in its cycles.
 
@@ -36,7 +42,9 @@ def run(
     )  # fmt: skip
 
 
-def made(a: Sequence[ComparedRun], b: Sequence[ComparedRun], shared: Sequence[str] = ()) -> Difference:
+def made(
+    a: Sequence[ComparedRun], b: Sequence[ComparedRun], shared: Sequence[str] = ()
+) -> Difference:
     found = difference(ETA, a, b, shared=frozenset(shared))
     assert found is not None
     return found
@@ -54,7 +62,10 @@ def test_scatters_alone_give_the_interval_of_welch() -> None:
 
 
 def test_sensors_alone_give_a_normal_interval() -> None:
-    found = made([run([0.7], gains={"force": 0.003}, rest=0.004)], [run([0.7], gains={"force": 0.003}, rest=0.004)])
+    found = made(
+        [run([0.7], gains={"force": 0.003}, rest=0.004)],
+        [run([0.7], gains={"force": 0.003}, rest=0.004)],
+    )
     assert found.uncertainty == pytest.approx(math.sqrt(2.0) * 0.005)
     assert found.freedom == math.inf
     assert found.interval == pytest.approx((-1.96 * 0.0070711, 1.96 * 0.0070711), rel=1e-4)
@@ -63,7 +74,10 @@ def test_sensors_alone_give_a_normal_interval() -> None:
 
 
 def test_shared_gains_cancel_as_far_as_they_are_the_same_and_zeros_remain() -> None:
-    a, b = run([0.7], gains={"force": 0.0030}, rest=0.004), run([0.6], gains={"force": 0.0026}, rest=0.003)
+    a, b = (
+        run([0.7], gains={"force": 0.0030}, rest=0.004),
+        run([0.6], gains={"force": 0.0026}, rest=0.003),
+    )
     found = made([a], [b], shared=["force"])
     assert found.sensors == pytest.approx(math.hypot(0.0004, 0.005))
     assert made([a], [b]).sensors == pytest.approx(math.sqrt(0.003**2 + 0.0026**2 + 0.005**2))
@@ -71,7 +85,10 @@ def test_shared_gains_cancel_as_far_as_they_are_the_same_and_zeros_remain() -> N
 
 def test_errors_of_sensors_add_degrees_of_freedom() -> None:
     values = [0.70, 0.71, 0.69]
-    plain, with_sensors = made([run(values)], [run(values)]), made([run(values, rest=0.005)], [run(values)])
+    plain, with_sensors = (
+        made([run(values)], [run(values)]),
+        made([run(values, rest=0.005)], [run(values)]),
+    )
     assert plain.freedom == pytest.approx(4.0)
     u = plain.uncertainty or 0.0
     assert with_sensors.freedom == pytest.approx(4.0 * (math.hypot(u, 0.005) / u) ** 4)
@@ -79,7 +96,13 @@ def test_errors_of_sensors_add_degrees_of_freedom() -> None:
 
 def test_an_unknown_accuracy_leaves_the_repeatability_alone() -> None:
     found = made([run([0.7, 0.71], rest=None)], [run([0.7, 0.72])])
-    assert (found.sensors, found.uncertainty, found.interval, found.freedom, found.excludes_zero) == (None,) * 5
+    assert (
+        found.sensors,
+        found.uncertainty,
+        found.interval,
+        found.freedom,
+        found.excludes_zero,
+    ) == (None,) * 5
     assert found.interval_repeatability is not None
 
 
@@ -93,7 +116,9 @@ def test_repeats_without_a_scatter_of_their_own_count_as_one_log() -> None:
 
 def test_repeats_whose_means_differ_have_few_degrees_of_freedom() -> None:
     found = made([run([0.700, 0.701]), run([0.750, 0.751])], [run([0.7])])
-    assert found.repeatability == pytest.approx(0.025, rel=0.01)  # half of the difference of the two means
+    assert found.repeatability == pytest.approx(
+        0.025, rel=0.01
+    )  # half of the difference of the two means
     assert found.freedom == pytest.approx(1.0, rel=0.01)
 
 
@@ -104,7 +129,9 @@ def test_zeros_of_the_logs_explain_a_scatter_of_repeats() -> None:
 
 
 def test_gains_of_repeats_do_not_average_out() -> None:
-    found = made([run([0.7], gains={"force": 0.003}), run([0.7], gains={"force": 0.003})], [run([0.7])])
+    found = made(
+        [run([0.7], gains={"force": 0.003}), run([0.7], gains={"force": 0.003})], [run([0.7])]
+    )
     assert found.sensors == pytest.approx(0.003)
 
 
@@ -113,7 +140,10 @@ def test_repeats_are_weighted_with_their_cycles() -> None:
 
 
 def test_a_gain_that_two_rig_files_state_differently_is_not_shared() -> None:
-    a, b = run([0.7], gains={"force": 0.003, "vdc": 0.001}, u=0.01), run([0.7], gains={"force": 0.003}, u=0.02)
+    a, b = (
+        run([0.7], gains={"force": 0.003, "vdc": 0.001}, u=0.01),
+        run([0.7], gains={"force": 0.003}, u=0.02),
+    )
     assert shared_gains([a], [b]) == (frozenset({"vdc"}), ("force",))
 
 

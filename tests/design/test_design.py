@@ -1,4 +1,6 @@
-"""Designs: the schedule against an exhaustive search, limits, the worth of a repair against simulations, and the domain."""
+"""Designs: the schedule against an exhaustive search, limits, the worth of a repair against
+simulations, and the domain.
+"""
 
 from __future__ import annotations
 
@@ -39,13 +41,17 @@ BOTH = Judgement("explained", causes=("copper_heating", "line_drag"))
 LOADS, SPEEDS = [4.5, 9.0, 18.0], [0.3, 0.8]
 
 SHORT = 1e-3
-"""Relative loss of power or efficiency that a scheduled load may have against the best of a fine grid. [1]"""
+"""Relative loss of power or efficiency that a scheduled load may have against the best of a fine
+grid. [1]
+"""
 
 ROUNDED = 1e-5
 """Probability beyond 1.96 standard deviations, for which 2.5 % stand. [1]"""
 
 STEPS = 1e-5
-"""Relative difference between simulations of a rig and of another one with the step that resolves either. [1]"""
+"""Relative difference between simulations of a rig and of another one with the step that
+resolves either. [1]
+"""
 
 RULE = 2e-3
 """Relative difference of two rules of integration. [1]"""
@@ -53,7 +59,9 @@ RULE = 2e-3
 
 @pytest.fixture(scope="module")
 def found(small: RigPosterior, tested: Tested) -> Design:
-    return design(small, msgspec.structs.replace(tested, judgement=BOTH), loads=LOADS, speeds=SPEEDS)
+    return design(
+        small, msgspec.structs.replace(tested, judgement=BOTH), loads=LOADS, speeds=SPEEDS
+    )
 
 
 def along(model: Model, tested: Tested, speed: float, loads: list[float]) -> Signal:
@@ -70,12 +78,16 @@ def delivered(model: Model, tested: Tested, speed: float, load: float) -> float:
     return float(np.trapezoid(made.channels["vdc"] ** 2 / load, made.t))
 
 
-def test_a_scheduled_load_is_the_best_of_a_fine_grid(small: RigPosterior, tested: Tested, found: Design) -> None:
+def test_a_scheduled_load_is_the_best_of_a_fine_grid(
+    small: RigPosterior, tested: Tested, found: Design
+) -> None:
     grid = np.geomspace(LOADS[0], LOADS[-1], 100).tolist()
     for one in found.schedule:
         assert one.load is not None
         assert one.gain is not None
-        values = along(small.model(), tested, one.speed, [one.load, found.fixed[one.criterion], *grid])
+        values = along(
+            small.model(), tested, one.speed, [one.load, found.fixed[one.criterion], *grid]
+        )
         own, fixed, *others = values[PLACE[METRIC[one.criterion]]]
         assert own >= (1.0 - SHORT) * max(others)
         assert one.gain.value == pytest.approx(own / fixed - 1.0, abs=1e-9)
@@ -92,7 +104,9 @@ def test_one_load_is_scheduled_in_every_band_without_gain(
     one = design(small, tested, loads=[9.0], speeds=speeds)
     assert {row.speed for row in one.rows} == set(speeds)
     assert all(band.rpm_low < band.rpm_high and band.load == 9.0 for band in one.schedule)
-    assert {(band.gain.low, band.gain.high) for band in one.schedule if band.gain is not None} == {(0.0, 0.0)}
+    assert {(band.gain.low, band.gain.high) for band in one.schedule if band.gain is not None} == {
+        (0.0, 0.0)
+    }
     assert {*one.fixed.values(), one.repaired_at} == {9.0}
 
 
@@ -113,24 +127,32 @@ def test_no_scheduled_load_exceeds_a_limit(
     for one in limited.schedule:
         loads = LOADS if one.load is None else [one.load]
         fastest = one.speed * 2.0 * one.rpm_high / (one.rpm_low + one.rpm_high)
-        assert (along(small.model(), tested, fastest, loads)[PLACE[quantity]].min() <= most) == (one.load is not None)
+        assert (along(small.model(), tested, fastest, loads)[PLACE[quantity]].min() <= most) == (
+            one.load is not None
+        )
 
 
 def test_a_band_without_an_allowed_load_has_a_reason(small: RigPosterior, tested: Tested) -> None:
     limited = design(small, tested, loads=LOADS, speeds=SPEEDS, limits=Limits(speed=1500.0))
     beyond = [0.5 * (one.rpm_low + one.rpm_high) > 1500.0 for one in limited.schedule]
     assert set(beyond) == {True, False}
-    assert [(one.load is None, one.gain is None, "speed" in one.reason) for one in limited.schedule] == [
-        (x,) * 3 for x in beyond
-    ]
+    assert [
+        (one.load is None, one.gain is None, "speed" in one.reason) for one in limited.schedule
+    ] == [(x,) * 3 for x in beyond]
     assert set(limited.fixed.values()) <= {*np.geomspace(LOADS[0], LOADS[-1], 41)}
     assert schedule_csv(limited).count("\n") == 1 + beyond.count(False) // 2
 
 
-def test_limits_that_allow_nothing_leave_a_record_of_numbers(small: RigPosterior, tested: Tested) -> None:
+def test_limits_that_allow_nothing_leave_a_record_of_numbers(
+    small: RigPosterior, tested: Tested
+) -> None:
     nothing = design(small, tested, loads=LOADS, speeds=SPEEDS, limits=Limits(current=1e-3))
     record = json.loads(json.dumps(design_record(nothing), allow_nan=False))
-    assert {one["load_ohm"] for one in record["schedule"]} == {None} == set(record["fixed_load_ohm"].values())
+    assert (
+        {one["load_ohm"] for one in record["schedule"]}
+        == {None}
+        == set(record["fixed_load_ohm"].values())
+    )
     assert record["repaired_at_load_ohm"] == LOADS[-1]
 
 
@@ -140,12 +162,16 @@ def test_a_repair_is_worth_the_difference_of_two_simulations(
     assert {one.effect for one in found.repairs} == set(BOTH.causes)
     for one in found.repairs:
         models = small.model(), small.model(without=one.effect)
-        acting, repaired = (delivered(model, tested, SPEEDS[-1], found.repaired_at) for model in models)
+        acting, repaired = (
+            delivered(model, tested, SPEEDS[-1], found.repaired_at) for model in models
+        )
         assert one.per_cycle.value == pytest.approx(repaired - acting, abs=RULE * acting)
         assert one.per_cycle.low <= one.per_cycle.value <= one.per_cycle.high
 
 
-def test_a_year_adds_up_the_cycles_of_each_speed(small: RigPosterior, tested: Tested, tmp_path: Path) -> None:
+def test_a_year_adds_up_the_cycles_of_each_speed(
+    small: RigPosterior, tested: Tested, tmp_path: Path
+) -> None:
     table = tmp_path / "sea.csv"
     table.write_text("speed_mps,cycles_per_year\n0.4,3000\n0.8,1000\n", encoding="utf-8")
     motion, sea = motions_of(table)
@@ -154,7 +180,8 @@ def test_a_year_adds_up_the_cycles_of_each_speed(small: RigPosterior, tested: Te
     for one in design(small, covered, loads=[9.0], speeds=[0.8], sea=sea).repairs:
         models = small.model(), small.model(without=one.effect)
         acting, repaired = (
-            sum(n * along(model, tested, v, [9.0])[PLACE["e_gen_j"], 0] for v, n in sea) for model in models
+            sum(n * along(model, tested, v, [9.0])[PLACE["e_gen_j"], 0] for v, n in sea)
+            for model in models
         )
         assert one.per_cycle.value == pytest.approx((repaired - acting) / 4000.0, rel=STEPS)
         assert one.per_year is not None
@@ -162,10 +189,17 @@ def test_a_year_adds_up_the_cycles_of_each_speed(small: RigPosterior, tested: Te
 
 
 def alike(small: RigPosterior, weight: float) -> RigPosterior:
-    """The rig with a look-alike of its stator resistance that is an error of a sensor, of a weight."""
+    """The rig with a look-alike of its stator resistance that is an error of a sensor, of a
+    weight.
+    """
     keep = np.array([0, 1, 3])
     sensor = RigPosterior(
-        small.nominal, small.numbers, small.moves, small.effects[1:], small.covariance[np.ix_(keep, keep)], weight
+        small.nominal,
+        small.numbers,
+        small.moves,
+        small.effects[1:],
+        small.covariance[np.ix_(keep, keep)],
+        weight,
     )
     return msgspec.structs.replace(small, weight=1.0 - weight, others=(sensor,))
 
@@ -189,18 +223,30 @@ def test_bands_and_worths_hold_a_look_alike_that_costs_nothing(
 
 
 @given(
-    st.lists(st.tuples(st.floats(0.05, 1.0), st.floats(-3.0, 3.0), st.floats(0.1, 2.0)), min_size=1, max_size=4),
+    st.lists(
+        st.tuples(st.floats(0.05, 1.0), st.floats(-3.0, 3.0), st.floats(0.1, 2.0)),
+        min_size=1,
+        max_size=4,
+    ),
 )
-def test_an_interval_of_a_mixture_leaves_as_much_on_either_side(parts: list[tuple[float, float, float]]) -> None:
+def test_an_interval_of_a_mixture_leaves_as_much_on_either_side(
+    parts: list[tuple[float, float, float]],
+) -> None:
     weights, values, u = np.array(parts).T
     low, high = mixed(weights / weights.sum(), values, u)
     for end, left in ((low, 0.025), (high, 0.975)):
-        assert weights @ ndtr((end - values) / u) / weights.sum() == pytest.approx(left, abs=ROUNDED)
+        assert weights @ ndtr((end - values) / u) / weights.sum() == pytest.approx(
+            left, abs=ROUNDED
+        )
 
 
-def test_a_candidate_acts_in_the_model_and_has_no_repair(small: RigPosterior, tested: Tested, found: Design) -> None:
+def test_a_candidate_acts_in_the_model_and_has_no_repair(
+    small: RigPosterior, tested: Tested, found: Design
+) -> None:
     doubtful = Judgement("partly_explained", causes=("line_drag",), candidates=("copper_heating",))
-    parted = design(small, msgspec.structs.replace(tested, judgement=doubtful), loads=LOADS, speeds=SPEEDS)
+    parted = design(
+        small, msgspec.structs.replace(tested, judgement=doubtful), loads=LOADS, speeds=SPEEDS
+    )
     assert [one.effect for one in parted.repairs] == ["line_drag"]
     assert parted.rows == found.rows
 
@@ -220,14 +266,22 @@ def test_bands_hold_the_rig_that_the_logs_are_of(fitted: RigPosterior, tested: T
     predicted = design(fitted, tested, loads=LOADS, speeds=[0.4, 0.8])
     for row in predicted.rows:
         true = along(truth, tested, row.speed, [row.load])[:, 0]
-        held += [band.low <= true[PLACE[name]] <= band.high for name, band in row.values.items() if name != "rpm"]
+        held += [
+            band.low <= true[PLACE[name]] <= band.high
+            for name, band in row.values.items()
+            if name != "rpm"
+        ]
     assert np.mean(held) > 0.9
     (repair,) = predicted.repairs
-    worth = np.diff([delivered(model, tested, 0.8, predicted.repaired_at) for model in (truth, stated)])[0]
+    worth = np.diff(
+        [delivered(model, tested, 0.8, predicted.repaired_at) for model in (truth, stated)]
+    )[0]
     assert repair.per_cycle.low < worth < repair.per_cycle.high
 
 
-def test_a_repair_beyond_the_currents_of_the_logs_is_outside_the_domain(small: RigPosterior, tested: Tested) -> None:
+def test_a_repair_beyond_the_currents_of_the_logs_is_outside_the_domain(
+    small: RigPosterior, tested: Tested
+) -> None:
     load, speed = LOADS[1], SPEEDS[-1]
     acting, repaired = (
         along(model, tested, speed, [load])[PLACE["i_dc_a"], 0]
@@ -235,10 +289,17 @@ def test_a_repair_beyond_the_currents_of_the_logs_is_outside_the_domain(small: R
     )
     assert repaired > acting
     for largest, within in ((2.0 * repaired, True), (0.5 * (acting + repaired), False)):
-        border = (0.0, 0.0), (2.0 * speed, 0.0), (2.0 * speed, largest / (1.0 + NEAR)), (0.0, largest / (1.0 + NEAR))
+        border = (
+            (0.0, 0.0),
+            (2.0 * speed, 0.0),
+            (2.0 * speed, largest / (1.0 + NEAR)),
+            (0.0, largest / (1.0 + NEAR)),
+        )
         covered = msgspec.structs.replace(tested, judgement=BOTH, border=border, force=math.inf)
         (one,) = (
-            r for r in design(small, covered, loads=[load], speeds=[speed]).repairs if r.effect == "copper_heating"
+            r
+            for r in design(small, covered, loads=[load], speeds=[speed]).repairs
+            if r.effect == "copper_heating"
         )
         assert one.within_domain == within
 
@@ -250,10 +311,24 @@ def test_points_beyond_the_logs_are_flagged(small: RigPosterior, tested: Tested)
     assert not within & {(2.0, 0.25), (2.0, 1.6), (4.5, 1.6), (9.0, 1.6)}
 
 
-def test_a_command_writes_the_map_as_json_and_the_schedule_as_csv(record: Path, fixtures: Path, tmp_path: Path) -> None:
+def test_a_command_writes_the_map_as_json_and_the_schedule_as_csv(
+    record: Path, fixtures: Path, tmp_path: Path
+) -> None:
     written, table = tmp_path / "design.json", tmp_path / "schedule.csv"
-    options = "--motion", fixtures / "campaign" / "r9ohm.csv", "--loads", "4.5,9", "--speeds", "0.4,0.8"
-    assert call("design", record, *options, "--current-limit", "14", "--json", written, "--csv", table).code == 0
+    options = (
+        "--motion",
+        fixtures / "campaign" / "r9ohm.csv",
+        "--loads",
+        "4.5,9",
+        "--speeds",
+        "0.4,0.8",
+    )
+    assert (
+        call(
+            "design", record, *options, "--current-limit", "14", "--json", written, "--csv", table
+        ).code
+        == 0
+    )
     found = json.loads(written.read_text())
     assert (found["schema"], found["limits"]) == (
         "winchcascade/design/1",
@@ -263,7 +338,9 @@ def test_a_command_writes_the_map_as_json_and_the_schedule_as_csv(record: Path, 
         (r, v) for r in (4.5, 9) for v in (0.4, 0.8)
     }
     for row in found["rows"]:
-        assert row["over_limit"] == (row["i_s_a"]["value"] > 14.0) == (row["exceeds"] == ["current"])
+        assert (
+            row["over_limit"] == (row["i_s_a"]["value"] > 14.0) == (row["exceeds"] == ["current"])
+        )
         assert all(row[name]["low"] <= row[name]["value"] <= row[name]["high"] for name in PLACE)
     causes = json.loads(record.read_text())["causes"]
     alike = {one["effect"]: [other["effect"] for other in one["look_alikes"]] for one in causes}
@@ -272,11 +349,17 @@ def test_a_command_writes_the_map_as_json_and_the_schedule_as_csv(record: Path, 
     assert found["classes"]["copper_heating"]["name"] == "series_resistance"
     head, *lines = table.read_text().splitlines()
     assert head == "rpm_low,rpm_high,load_ohm,within_domain,verdict"
-    power = [one for one in found["schedule"] if one["criterion"] == "power" and one["load_ohm"] is not None]
+    power = [
+        one
+        for one in found["schedule"]
+        if one["criterion"] == "power" and one["load_ohm"] is not None
+    ]
     for line, one in zip(lines, power, strict=True):
         *cells, verdict = line.split(",")
         assert verdict == found["verdict"]
-        numbers = {name: json.loads(cell) for name, cell in zip(head.split(",")[:-1], cells, strict=True)}
+        numbers = {
+            name: json.loads(cell) for name, cell in zip(head.split(",")[:-1], cells, strict=True)
+        }
         assert numbers == pytest.approx({name: one[name] for name in numbers}, rel=1e-3)
 
 
@@ -303,12 +386,28 @@ def test_what_cannot_be_designed_with_is_rejected(
     assert place in done.err
 
 
-def test_an_unexplained_diagnosis_is_rejected_and_forced_with_its_verdict(record: Path, tmp_path: Path) -> None:
-    refused, page, table = (tmp_path / name for name in ("refused.json", "design.html", "schedule.csv"))
+def test_an_unexplained_diagnosis_is_rejected_and_forced_with_its_verdict(
+    record: Path, tmp_path: Path
+) -> None:
+    refused, page, table = (
+        tmp_path / name for name in ("refused.json", "design.html", "schedule.csv")
+    )
     content = json.loads(record.read_text())
     content["posterior"]["tested"]["judgement"] |= {"verdict": "unexplained", "causes": []}
     refused.write_text(json.dumps(content), encoding="utf-8")
-    options = "design", refused, "--loads", "9", "--speeds", "0.8", "--csv", table, "--html", page, "--json"
+    options = (
+        "design",
+        refused,
+        "--loads",
+        "9",
+        "--speeds",
+        "0.8",
+        "--csv",
+        table,
+        "--html",
+        page,
+        "--json",
+    )
     done = call(*options, tmp_path / "refused_design.json")
     assert (done.code, done.out, table.exists(), page.exists()) == (2, "", False, False)
     assert str(refused) in done.err

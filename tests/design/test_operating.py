@@ -1,4 +1,6 @@
-"""Operating points: what enters a stage is more than what leaves it, and they agree with a simulated log that is reduced."""
+"""Operating points: what enters a stage is more than what leaves it, and they agree with a
+simulated log that is reduced.
+"""
 
 import numpy as np
 import pytest
@@ -24,10 +26,14 @@ from winchcascade.rig.simulate import simulate
 
 RIG = calibrated_rig()
 MODEL = baseline(RIG)
-WORN = make_effect("line_drag", {"b": 0.9}).apply(make_effect("copper_heating", {"r_s_change": 0.4}).apply(MODEL))
+WORN = make_effect("line_drag", {"b": 0.9}).apply(
+    make_effect("copper_heating", {"r_s_change": 0.4}).apply(MODEL)
+)
 
 RULE = 2e-3
-"""Relative difference of two rules of integration, between whose ends one step more or less lies. [1]"""
+"""Relative difference of two rules of integration, between whose ends one step more or less
+lies. [1]
+"""
 
 PEAK = 6e-3
 """Relative difference of a maximum between the steps and one of samples. [1]"""
@@ -43,8 +49,14 @@ def logged(path: Path, load: float) -> Run:
 
 
 @given(loads, speeds, st.floats(3.0, 15.0), st.floats(0.5, 4.0))
-def test_no_stage_gives_more_than_it_takes(load: float, speed: float, length: float, ramp: float) -> None:
-    found = dict(zip(PLACE, point(WORN, path_of(planned_cycle(speed, length, ramp), WORN), load), strict=True))
+def test_no_stage_gives_more_than_it_takes(
+    load: float, speed: float, length: float, ramp: float
+) -> None:
+    found = dict(
+        zip(
+            PLACE, point(WORN, path_of(planned_cycle(speed, length, ramp), WORN), load), strict=True
+        )
+    )
     assert found["p_line_w"] >= found["p_mech_w"] >= found["p_gen_w"] > 0.0
     assert found["e_line_j"] >= found["e_gen_j"] > 0.0
     assert found["eta_pto"] == pytest.approx(found["eta_trans"] * found["eta_gen"])
@@ -57,14 +69,21 @@ def test_a_point_agrees_with_a_simulated_log_that_is_reduced(load: float, speed:
     run = simulate(logged(path, load), WORN).run
     made, found = reduce(run, rig=RIG, window="payout").complete[0], point(WORN, path, load)
     reduced = made.metrics
-    pairs = {"p_line_w": "power_line", "p_mech_w": "power_mech", "p_gen_w": "power_gen", "eta_trans": "eta_trans"}
+    pairs = {
+        "p_line_w": "power_line",
+        "p_mech_w": "power_mech",
+        "p_gen_w": "power_gen",
+        "eta_trans": "eta_trans",
+    }
     for name, metric in (pairs | {"eta_gen": "eta_gen", "eta_pto": "eta_pto"}).items():
         assert found[PLACE[name]] == pytest.approx(reduced[metric], rel=RULE), name
     assert found[PLACE["payout_s"]] == pytest.approx(made.summary.payout.duration, rel=RULE)
     plateau = made.summary.payout.plateau
     assert plateau is not None
     for name in ("line", "mech", "gen"):
-        assert found[PLACE[f"plateau_p_{name}_w"]] == pytest.approx(getattr(plateau, f"power_{name}"), rel=RULE), name
+        assert found[PLACE[f"plateau_p_{name}_w"]] == pytest.approx(
+            getattr(plateau, f"power_{name}"), rel=RULE
+        ), name
     channels = run.channels
     joules = (
         np.trapezoid(channels["vdc"] ** 2 / load, run.t),
@@ -92,7 +111,9 @@ def test_rests_and_repeats_of_a_log_change_no_point() -> None:
     once, rest = np.interp(t, cycle.t, cycle.v), np.zeros(5000)
 
     def motion(v: Signal) -> Motion:
-        return motion_of_run(Run("log", 0.04 * np.arange(v.size, dtype=np.float64), {"velocity": v}, 25.0, v.size))
+        return motion_of_run(
+            Run("log", 0.04 * np.arange(v.size, dtype=np.float64), {"velocity": v}, 25.0, v.size)
+        )
 
     motions = motion(once), motion(np.concatenate([rest, once, once, once, rest]))
     assert [found.cycles for found in motions] == [1, 3]

@@ -1,4 +1,6 @@
-"""Plans: more runs separate more and leave less uncertain; a plan is no longer than allowed and reports whether it suffices."""
+"""Plans: more runs separate more and leave less uncertain; a plan is no longer than allowed and
+reports whether it suffices.
+"""
 
 from __future__ import annotations
 
@@ -43,11 +45,20 @@ PAIR = ("copper_heating", "ke_rolloff")
 PLAN = ("plan", "hsu2026", "--loads", "9,27", "--speeds", "0.3,0.6")
 
 
-NOISE = {"velocity": 1e-3, "pressure": 1500.0, "force": 8.0, "torque": 0.5, "vdc": 0.15, "idc": 0.012}
+NOISE = {
+    "velocity": 1e-3,
+    "pressure": 1500.0,
+    "force": 8.0,
+    "torque": 0.5,
+    "vdc": 0.15,
+    "idc": 0.012,
+}
 """Noise of a sample of each channel, SI units."""
 
 OF_SCALES = 0.01
-"""Share by which a run differs as one of several: these have the scales of their motion in common. [1]"""
+"""Share by which a run differs as one of several: these have the scales of their motion in
+common. [1]
+"""
 
 
 @cache
@@ -75,7 +86,10 @@ def test_every_run_separates_two_effects_further() -> None:
 
 def test_the_first_run_of_a_plan_is_the_best_single_one() -> None:
     known = basis()._replace(setting=basis().setting._replace(noise=NOISE))
-    alone = [separate(known._replace(options=[one]), PAIR, EFFECTS, 1).expected[0] for one in known.options]
+    alone = [
+        separate(known._replace(options=[one]), PAIR, EFFECTS, 1).expected[0]
+        for one in known.options
+    ]
     found = separate(known, PAIR, EFFECTS, 1)
     assert found.expected[0] == pytest.approx(max(alone), rel=OF_SCALES)
     assert found.runs[0] == known.options[alone.index(max(alone))]
@@ -98,10 +112,14 @@ def test_the_plan_after_a_diagnosis_begins_with_its_next_experiment(copper: Mode
     assert wanted is not None
     found = separate(after(copper), wanted.separates, copper.suspects, 1)
     assert found.expected[0] == pytest.approx(wanted.expected_z)
-    assert [(run.load, run.speed, run.place) for run in found.runs] == [(wanted.load, wanted.speed, "last")]
+    assert [(run.load, run.speed, run.place) for run in found.runs] == [
+        (wanted.load, wanted.speed, "last")
+    ]
 
 
-def test_runs_after_a_campaign_stay_within_what_was_reached_and_within_the_rating(copper: ModelDiagnosis) -> None:
+def test_runs_after_a_campaign_stay_within_what_was_reached_and_within_the_rating(
+    copper: ModelDiagnosis,
+) -> None:
     data, seen = copper.data, usual(copper.data)
     assert seen is not None
     options = after(copper).options
@@ -120,7 +138,9 @@ def test_runs_after_a_campaign_stay_within_what_was_reached_and_within_the_ratin
 
 
 OVERSHOOT = 1.01
-"""Speed of the generator over that of the line in a run whose plateau has the rated speed: it swings. [1]"""
+"""Speed of the generator over that of the line in a run whose plateau has the rated speed: it
+swings. [1]
+"""
 
 
 def with_rig(data: Fitted, rig: Rig) -> Fitted:
@@ -131,7 +151,9 @@ def with_rig(data: Fitted, rig: Rig) -> Fitted:
 
 
 @pytest.mark.parametrize("speed", [1e-9, 1e-12])
-def test_a_run_after_a_campaign_is_no_longer_than_memory_allows(copper: ModelDiagnosis, speed: float) -> None:
+def test_a_run_after_a_campaign_is_no_longer_than_memory_allows(
+    copper: ModelDiagnosis, speed: float
+) -> None:
     with pytest.raises(OptionError):
         after(copper, speeds=[speed])
 
@@ -145,24 +167,36 @@ def test_a_plan_keeps_what_the_logs_know_of_a_nuisance(copper: ModelDiagnosis) -
         if row.any()
     ]
     assert all(
-        (n.kind, n.path, n.name, n.phase, n.course) == (m.kind, m.path, m.name, m.phase, m.course) for n, m in shared
+        (n.kind, n.path, n.name, n.phase, n.course) == (m.kind, m.path, m.name, m.phase, m.course)
+        for n, m in shared
     )
-    own = {n.kind for n, row in zip(prospect.runs.nuisances, prospect.carried, strict=True) if not row.any()}
+    own = {
+        n.kind
+        for n, row in zip(prospect.runs.nuisances, prospect.carried, strict=True)
+        if not row.any()
+    }
     assert own == {"zero"}
     assert {n.kind for n, _ in shared} == {"rig", "law", "load", "gain", "timing", "discrepancy"}
 
 
-def test_a_listed_pair_that_the_logs_know_together_alone_is_not_planned_for(copper: ModelDiagnosis) -> None:
+def test_a_listed_pair_that_the_logs_know_together_alone_is_not_planned_for(
+    copper: ModelDiagnosis,
+) -> None:
     found = copper.found
     assert isinstance(found.problem, RigProblem)
     groups = (frozenset({"copper_heating"}), frozenset({"line_drag"}))
     known = msgspec.structs.replace(found.problem, exclusive=(groups,))
     evidence = msgspec.structs.replace(found.evidence, problem=known)
-    together = msgspec.structs.replace(found, expansion=msgspec.structs.replace(found.expansion, evidence=evidence))
+    together = msgspec.structs.replace(
+        found, expansion=msgspec.structs.replace(found.expansion, evidence=evidence)
+    )
     alike = tuple(Alternative(name, 0.3, None) for name in ("line_drag", "ke_rolloff"))
     (cause,) = copper.fitted
     causes = [msgspec.structs.replace(cause, look_alikes=alike)]
-    assert listed(together, causes) == ([("copper_heating", "ke_rolloff")], [("copper_heating", "line_drag")])
+    assert listed(together, causes) == (
+        [("copper_heating", "ke_rolloff")],
+        [("copper_heating", "line_drag")],
+    )
     assert listed(found, causes)[1] == []
     experiment = plan_run(copper.data, together, causes)
     assert experiment is not None
@@ -170,20 +204,33 @@ def test_a_listed_pair_that_the_logs_know_together_alone_is_not_planned_for(copp
 
 
 PROMISED = 0.1
-"""Share by which a promised uncertainty may differ from what the campaign with the run leaves: noise is drawn once. [1]"""
+"""Share by which a promised uncertainty may differ from what the campaign with the run leaves:
+noise is drawn once. [1]
+"""
 
 
 @pytest.mark.slow
-def test_a_campaign_with_the_planned_run_leaves_the_uncertainty_that_is_promised(copper: ModelDiagnosis) -> None:
+def test_a_campaign_with_the_planned_run_leaves_the_uncertainty_that_is_promised(
+    copper: ModelDiagnosis,
+) -> None:
     begun = after(copper)
     plan = determine(begun, "eta_pto", 1e-9, 1)
     run = plan.runs[0]
     load, speed = run.load, run.speed
-    model = make_effect("copper_heating", PLANTED["copper"]["copper_heating"]).apply(baseline(copper.rig))
-    made = simulate(planned(load, speed, begun.setting.length, begun.setting.time, begun.setting.rate), model).run
+    model = make_effect("copper_heating", PLANTED["copper"]["copper_heating"]).apply(
+        baseline(copper.rig)
+    )
+    made = simulate(
+        planned(load, speed, begun.setting.length, begun.setting.time, begun.setting.rate), model
+    ).run
     moves = ("velocity", "displacement")
-    rng, noise = np.random.default_rng(2), NOISE | {n: white_noise(copper.runs[0].channels[n]) for n in moves}
-    channels = {name: x + rng.normal(0.0, noise.get(name, 0.0), x.size) for name, x in made.channels.items()}
+    rng, noise = (
+        np.random.default_rng(2),
+        NOISE | {n: white_noise(copper.runs[0].channels[n]) for n in moves},
+    )
+    channels = {
+        name: x + rng.normal(0.0, noise.get(name, 0.0), x.size) for name, x in made.channels.items()
+    }
     logs = [*copper.runs, msgspec.structs.replace(made, channels=channels)]
     again = diagnose(logs, copper.rig, {name: EFFECTS[name] for name in SUSPECTS}, seed=1)
     promised = determine(begun._replace(options=[run]), "eta_pto", 1e-9, 1)
@@ -208,13 +255,20 @@ def test_every_run_leaves_a_metric_less_uncertain(copper: ModelDiagnosis) -> Non
     assert found.expected[-1] < found.random
     known = after(copper, [9.0], [0.6])
     stated = before(copper.rig, [9.0], [0.6], known.setting.length)
-    assert determine(known, "p_gen_w", 1e-9, 1).before < determine(stated, "p_gen_w", 1e-9, 1).before
+    assert (
+        determine(known, "p_gen_w", 1e-9, 1).before < determine(stated, "p_gen_w", 1e-9, 1).before
+    )
 
 
 @pytest.mark.parametrize("plan_of", [separated, determined])
-def test_a_plan_ends_where_its_aim_is_reached_or_at_its_length(plan_of: Callable[..., RunPlan]) -> None:
+def test_a_plan_ends_where_its_aim_is_reached_or_at_its_length(
+    plan_of: Callable[..., RunPlan],
+) -> None:
     third, first = plan_of(5).expected[2], plan_of(5).before
-    assert [(len(one.runs), one.reached) for one in (plan_of(5, third), plan_of(2, third))] == [(4, True), (2, False)]
+    assert [(len(one.runs), one.reached) for one in (plan_of(5, third), plan_of(2, third))] == [
+        (4, True),
+        (2, False),
+    ]
     assert (plan_of(5, first).runs, plan_of(5, first).reached) == ((), True)
     record = json.loads(json.dumps(plan_record(plan_of(2, third)), allow_nan=False))
     assert record["known_together"] == []
@@ -248,7 +302,10 @@ def test_what_cannot_be_planned_is_rejected(words: tuple[str, ...], place: str) 
 
 def test_a_command_writes_the_plan_as_json(tmp_path: Path) -> None:
     written = tmp_path / "plan.json"
-    assert call(*PLAN, "--loads", "9,inf", "--separate", *PAIR, "--runs", "2", "--json", written).code == 0
+    assert (
+        call(*PLAN, "--loads", "9,inf", "--separate", *PAIR, "--runs", "2", "--json", written).code
+        == 0
+    )
     found = json.loads(written.read_text())
     assert found["schema"] == "winchcascade/plan/1"
     for run, expected in zip(found["runs"], found["expected"], strict=True):
@@ -260,7 +317,12 @@ def test_a_command_writes_the_plan_as_json(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_command_plans_after_a_campaign(tmp_path: Path) -> None:
     folder, written = write_campaign(tmp_path, PLANTED["copper"]), tmp_path / "plan.json"
-    assert call("plan", folder, "--uncertainty", "eta_pto=0.0005", "--runs", "3", "--json", written).code == 0
+    assert (
+        call(
+            "plan", folder, "--uncertainty", "eta_pto=0.0005", "--runs", "3", "--json", written
+        ).code
+        == 0
+    )
     found = json.loads(written.read_text())
     assert {run["place"] for run in found["runs"]} == {"last"}
     assert found["expected"][-1]["u"] < found["without"]["u"]

@@ -32,7 +32,9 @@ SHARE = 1e-8
 """Variance along directions that count as known, as a share of that of each number. [1]"""
 
 
-def test_a_posterior_is_read_as_it_was_written(fitted: RigPosterior, tested: Tested, record: Path) -> None:
+def test_a_posterior_is_read_as_it_was_written(
+    fitted: RigPosterior, tested: Tested, record: Path
+) -> None:
     read, covered = posterior_from(json.loads(record.read_text())["posterior"], "here")
     assert covered == tested
     assert read.model() == fitted.model()
@@ -41,7 +43,9 @@ def test_a_posterior_is_read_as_it_was_written(fitted: RigPosterior, tested: Tes
     assert read.models("copper_heating") == fitted.models("copper_heating")
 
 
-def test_the_corrected_rig_has_the_known_effect(copper: ModelDiagnosis, fitted: RigPosterior) -> None:
+def test_the_corrected_rig_has_the_known_effect(
+    copper: ModelDiagnosis, fitted: RigPosterior
+) -> None:
     u = math.sqrt(fitted.covariance[-1, -1])
     assert fitted.best[-1] == pytest.approx(0.4, abs=3.0 * u)
     assert 0.0 < u < 0.05
@@ -62,7 +66,9 @@ def test_directions_have_the_covariance(small: RigPosterior, fitted: RigPosterio
     for one in (small, fitted):
         ways, scale = one.directions(), np.sqrt(np.diag(one.covariance))
         unit = np.where(scale > 0.0, scale, 1.0)
-        assert ways.T @ ways / np.outer(unit, unit) == pytest.approx(one.covariance / np.outer(unit, unit), abs=SHARE)
+        assert ways.T @ ways / np.outer(unit, unit) == pytest.approx(
+            one.covariance / np.outer(unit, unit), abs=SHARE
+        )
         assert len(one.models()) == 1 + len(ways)
 
 
@@ -91,7 +97,9 @@ def test_a_damaged_posterior_is_rejected(
 
 def test_a_diagnosis_of_an_older_version_is_rejected(record: Path, tmp_path: Path) -> None:
     old = tmp_path / "old.json"
-    older = {name: value for name, value in json.loads(record.read_text()).items() if name != "posterior"}
+    older = {
+        name: value for name, value in json.loads(record.read_text()).items() if name != "posterior"
+    }
     old.write_text(json.dumps(older), encoding="utf-8")
     done = call("design", old)
     assert (done.code, done.out) == (2, "")
@@ -106,7 +114,11 @@ def test_a_lasting_heat_keeps_the_machine_as_warm_as_its_warmest_run(
     runs = len(heats)
     heat = lasting_heat(RunOrder(tuple(map(float, range(runs))), heats), time_constant, 1.0)
     later = tuple(float(k) for k in range(1000, 1400))
-    rises = warming(RunOrder((*map(float, range(runs)), *later), (*heats, *(heat for _ in later))), time_constant, 1.0)
+    rises = warming(
+        RunOrder((*map(float, range(runs)), *later), (*heats, *(heat for _ in later))),
+        time_constant,
+        1.0,
+    )
     assert rises[-1] == pytest.approx(max(rises[:runs]), rel=1e-4)
 
 
@@ -131,5 +143,12 @@ def test_logs_without_a_current_are_diagnosed_and_recorded(idc: float | None) ->
         channels = {name: x for name, x in one.run.channels.items() if name != "idc"}
         dead = {} if idc is None else {"idc": np.full(one.run.t.size, idc)}
         runs.append(msgspec.structs.replace(one.run, channels=channels | dead))
-    found = diagnose(runs, calibrated_rig(), {"line_drag": EFFECTS["line_drag"]}, title="no current", seed=1)
-    assert len(json.loads(json.dumps(as_json(found), allow_nan=False))["posterior"]["tested"]["border"]) > 1
+    found = diagnose(
+        runs, calibrated_rig(), {"line_drag": EFFECTS["line_drag"]}, title="no current", seed=1
+    )
+    assert (
+        len(
+            json.loads(json.dumps(as_json(found), allow_nan=False))["posterior"]["tested"]["border"]
+        )
+        > 1
+    )

@@ -1,4 +1,6 @@
-"""Small campaigns with an effect that is known: simulated along shipped logs, with noise and zeros as a logger has them."""
+"""Small campaigns with an effect that is known: simulated along shipped logs, with noise and
+zeros as a logger has them.
+"""
 
 import math
 from collections.abc import Mapping
@@ -17,7 +19,14 @@ from winchcascade.rig.simulate import simulate
 
 CAMPAIGN = Path(__file__).parent.parent.parent / "fixtures" / "campaign"
 LOGS = {"open_circuit.csv": math.inf, "r36ohm.csv": 36.0, "r9ohm.csv": 9.0}
-NOISE = {"velocity": 0.003, "pressure": 980.0, "force": 4.5, "torque": 0.38, "vdc": 0.23, "idc": 0.014}
+NOISE = {
+    "velocity": 0.003,
+    "pressure": 980.0,
+    "force": 4.5,
+    "torque": 0.38,
+    "vdc": 0.23,
+    "idc": 0.014,
+}
 ZERO = {"pressure": 2942.0, "force": 2.0, "torque": 0.3, "idc": 0.005}
 
 
@@ -31,7 +40,10 @@ def driven() -> tuple[Run, ...]:
 def _first_cycle(run: Run) -> Run:
     last = int(np.argmax(run.t > 45.0)) or run.t.size
     return msgspec.structs.replace(
-        run, t=run.t[:last], samples=last, channels={name: x[:last] for name, x in run.channels.items()}
+        run,
+        t=run.t[:last],
+        samples=last,
+        channels={name: x[:last] for name, x in run.channels.items()},
     )
 
 

@@ -1,4 +1,6 @@
-"""Signs that the causes are not the whole truth: each rings where its fault is, and is silent where nothing is wrong."""
+"""Signs that the causes are not the whole truth: each rings where its fault is, and is silent
+where nothing is wrong.
+"""
 
 import math
 from collections.abc import Callable
@@ -31,7 +33,9 @@ VDC = CHANNELS.index("vdc")
 EVERY = {sign.kind: sign for group in SIGNS for sign in group}
 
 PERIOD = 7.0
-"""Samples of a period of a ripple: several blocks hold many of them, and noise of the sensor does not hide it. [1]"""
+"""Samples of a period of a ripple: several blocks hold many of them, and noise of the sensor
+does not hide it. [1]
+"""
 
 ALTERNATING = 50.0
 """Deviation of every second block, in its noise. [1]"""
@@ -43,7 +47,9 @@ def nothing() -> Judged:
 
 
 def cause(**fields: object) -> NamedCause:
-    return msgspec.structs.replace(NamedCause("copper_heating", "generator", 1.0, {}, (), 1.0), **fields)
+    return msgspec.structs.replace(
+        NamedCause("copper_heating", "generator", 1.0, {}, (), 1.0), **fields
+    )
 
 
 def with_causes(one: NamedCause) -> Judged:
@@ -52,7 +58,9 @@ def with_causes(one: NamedCause) -> Judged:
 
 def structure() -> Judged:
     judged = nothing()
-    return msgspec.structs.replace(judged, fit=msgspec.structs.replace(judged.fit, z=10.0 * judged.fit.z))
+    return msgspec.structs.replace(
+        judged, fit=msgspec.structs.replace(judged.fit, z=10.0 * judged.fit.z)
+    )
 
 
 def scatter() -> Judged:
@@ -112,7 +120,11 @@ def residual() -> Judged:
     part = ContributionPart(None, "residual", 0.2, math.nan, math.nan)
     of = next(one for one in judged.contributions if one.metric == "eta_gen")
     return msgspec.structs.replace(
-        judged, contributions=(*judged.contributions, Contribution(of.log, of.load, "eta_gen", 0.5, 0.5, (part,)))
+        judged,
+        contributions=(
+            *judged.contributions,
+            Contribution(of.log, of.load, "eta_gen", 0.5, 0.5, (part,)),
+        ),
     )
 
 
@@ -122,7 +134,9 @@ RINGS: dict[AlarmKind, Callable[[], Judged]] = {
     "ripple": ripple,
     "nuisance": nuisance,
     "drift": lambda: with_causes(cause(stability=Stability((), (Trend("order", 1.0, 0.1, 1e-6),)))),
-    "range": lambda: with_causes(cause(parameters={"r_s_change": Reported(9.0, 8.0, 10.0, "1", beyond_range=True)})),
+    "range": lambda: with_causes(
+        cause(parameters={"r_s_change": Reported(9.0, 8.0, 10.0, "1", beyond_range=True)})
+    ),
     "improbable": lambda: with_causes(cause(probability=0.3)),
     "cancelling": cancelling,
     "worse": worse,
@@ -141,6 +155,8 @@ def test_a_sign_rings_at_its_fault_and_not_where_nothing_is_wrong(kind: AlarmKin
     assert ringing(nothing(), [EVERY[kind]]) == ()
 
 
-@pytest.mark.parametrize("kind", ["structure", "scatter", "ripple", "nuisance", "energy", "residual"])
+@pytest.mark.parametrize(
+    "kind", ["structure", "scatter", "ripple", "nuisance", "energy", "residual"]
+)
 def test_what_a_sign_compares_is_there_although_nothing_is_wrong(kind: AlarmKind) -> None:
     assert len(list(EVERY[kind].of(nothing()))) >= 2

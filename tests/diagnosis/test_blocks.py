@@ -1,4 +1,6 @@
-"""A log in blocks: every phase is covered, nothing twice, no block in two phases; and the noise of their means."""
+"""A log in blocks: every phase is covered, nothing twice, no block in two phases; and the noise
+of their means.
+"""
 
 import math
 from pathlib import Path
@@ -12,8 +14,23 @@ from rigs import blocks_on, calibrated_rig, course_of, scale_of
 from winchcascade.core.integrate import white_noise
 from winchcascade.core.run import Run, Signal
 from winchcascade.core.smooth import local_quadratic
-from winchcascade.diagnosis.fit.block_means import BLOCK, HAUL_IN, HOLD, PAYOUT, PHASES, Blocks, changing
-from winchcascade.diagnosis.fit.block_noise import MAX_NOISE, NOISELESS, noise_of, with_extra, with_ramps, without_slack
+from winchcascade.diagnosis.fit.block_means import (
+    BLOCK,
+    HAUL_IN,
+    HOLD,
+    PAYOUT,
+    PHASES,
+    Blocks,
+    changing,
+)
+from winchcascade.diagnosis.fit.block_noise import (
+    MAX_NOISE,
+    NOISELESS,
+    noise_of,
+    with_extra,
+    with_ramps,
+    without_slack,
+)
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.phases import detect, smoothed_velocity
@@ -24,7 +41,9 @@ from winchcascade.rig.parts import with_part
 RIG = calibrated_rig()
 
 MIN_COVERED = 0.97
-"""Samples that lie in blocks: what is left are stretches shorter than half a block, and the last sample."""
+"""Samples that lie in blocks: what is left are stretches shorter than half a block, and the last
+sample.
+"""
 
 WITHIN = 0.15
 """The noise of a log of two minutes is found to this share."""
@@ -36,14 +55,18 @@ def run(fixtures: Path) -> Run:
 
 
 @pytest.mark.parametrize("every", [1, 5])
-def test_blocks_cover_the_log_and_each_lies_within_one_phase_of_one_cycle(run: Run, every: int) -> None:
+def test_blocks_cover_the_log_and_each_lies_within_one_phase_of_one_cycle(
+    run: Run, every: int
+) -> None:
     channels = {name: x[::every] for name, x in run.channels.items()}
     run = msgspec.structs.replace(run, t=run.t[::every], channels=channels, fs=run.fs / every)
     blocks, taken = blocks_on(run, RIG), np.zeros(run.t.size, dtype=int)
     cycles = detect(run, smoothed_velocity(run, RIG.thresholds), RIG.thresholds)
     spans = {(k, PAYOUT): (cycle.onset, cycle.payout_end) for k, cycle in enumerate(cycles, 1)}
     spans |= {(k, HAUL_IN): cycle.haul_in for k, cycle in enumerate(cycles, 1) if cycle.haul_in}
-    for a, b, phase, number in zip(blocks.start, blocks.stop, blocks.phase, blocks.cycle, strict=True):
+    for a, b, phase, number in zip(
+        blocks.start, blocks.stop, blocks.phase, blocks.cycle, strict=True
+    ):
         taken[a:b] += 1
         first, last = run.t[a], run.t[b - 1]
         if phase == HOLD:
@@ -53,8 +76,14 @@ def test_blocks_cover_the_log_and_each_lies_within_one_phase_of_one_cycle(run: R
             assert begin <= first <= last < end
     assert taken.max() == 1
     assert np.mean(taken) > MIN_COVERED
-    assert np.median(blocks.count) == (4 if every == 5 else round(BLOCK * scale_of(run).ramp * run.fs))
-    follows = (blocks.start[1:] == blocks.stop[:-1]) & (np.diff(blocks.phase) == 0) & (np.diff(blocks.cycle) == 0)
+    assert np.median(blocks.count) == (
+        4 if every == 5 else round(BLOCK * scale_of(run).ramp * run.fs)
+    )
+    follows = (
+        (blocks.start[1:] == blocks.stop[:-1])
+        & (np.diff(blocks.phase) == 0)
+        & (np.diff(blocks.cycle) == 0)
+    )
     assert np.array_equal(blocks.joined, [False, *follows])
 
 
@@ -62,7 +91,11 @@ def test_only_the_cycles_that_count_are_cut(run: Run) -> None:
     whole, second = blocks_on(run, RIG), blocks_on(run, RIG, (2, 2))
     assert set(whole.cycle.tolist()) == {0, 1, 2, 3}
     assert second.start.tolist() == whole.start[whole.cycle == 2].tolist()
-    assert set(blocks_on(run, RIG, (1, 2)).cycle.tolist()) == {0, 1, 2}  # rest before the first payout goes with it
+    assert set(blocks_on(run, RIG, (1, 2)).cycle.tolist()) == {
+        0,
+        1,
+        2,
+    }  # rest before the first payout goes with it
 
 
 def test_a_block_that_a_gap_has_emptied_is_dropped_and_the_next_is_not_joined(run: Run) -> None:
@@ -87,13 +120,15 @@ def test_means_and_scatter_are_those_of_the_samples() -> None:
     assert math.sqrt(float(np.mean(blocks.scatter(noisy) ** 2))) == pytest.approx(0.1, rel=0.1)
 
 
-# ------------------------------------------------------------------------------------------------------------ their noise
+# ------------------------------------------------------------------------------------ their noise
 @pytest.mark.parametrize("sd", [0.01, 5.0])
 @pytest.mark.parametrize("ringing", [0.0, 20.0])
 def test_white_noise_is_found_over_a_ramp_and_a_ringing_tether(sd: float, ringing: float) -> None:
     t = np.arange(0.0, 110.0, 1.0 / FS)
     smooth = 40.0 * sd * t + ringing * sd * np.sin(2.0 * math.pi * 2.2 * t)
-    assert white_noise(smooth + np.random.default_rng(7).normal(0.0, sd, t.size)) == pytest.approx(sd, rel=WITHIN)
+    assert white_noise(smooth + np.random.default_rng(7).normal(0.0, sd, t.size)) == pytest.approx(
+        sd, rel=WITHIN
+    )
     assert white_noise(np.sin(t)) < 1e-5
     assert white_noise(np.floor(t) * 0.5) == pytest.approx(0.5 / math.sqrt(12.0))
 
@@ -102,11 +137,15 @@ def test_the_noise_of_sensors_and_velocity_is_that_of_the_means_of_blocks() -> N
     quiet, noisy = made_log(), made_log(seed=11)
     course = course_of(noisy, RIG)
     off = noisy.channels["velocity"] - quiet.channels["velocity"]
-    actual = float(np.std(course.blocks.mean(local_quadratic(quiet.t, off, SMOOTHING * course.scale.ramp))))
-    assert line_velocity(noisy, course.scale.ramp).noise(round(float(np.median(course.blocks.count)))) == pytest.approx(
-        actual, rel=WITHIN
+    actual = float(
+        np.std(course.blocks.mean(local_quadratic(quiet.t, off, SMOOTHING * course.scale.ramp)))
     )
-    own = noise_of(course, baseline(RIG), course.predict(baseline(RIG))).own[:, CHANNELS.index("torque")]
+    assert line_velocity(noisy, course.scale.ramp).noise(
+        round(float(np.median(course.blocks.count)))
+    ) == pytest.approx(actual, rel=WITHIN)
+    own = noise_of(course, baseline(RIG), course.predict(baseline(RIG))).own[
+        :, CHANNELS.index("torque")
+    ]
     assert own == pytest.approx(NOISE["torque"] / np.sqrt(course.blocks.count), rel=WITHIN)
 
 
@@ -138,7 +177,9 @@ def test_what_scatters_beyond_the_sensors_is_added_and_a_smooth_gap_is_not() -> 
 
 
 @pytest.mark.parametrize("simulated", [True, False])
-def test_a_simulation_without_noise_counts_as_known_to_a_share_and_a_measured_log_does_not(simulated: bool) -> None:
+def test_a_simulation_without_noise_counts_as_known_to_a_share_and_a_measured_log_does_not(
+    simulated: bool,
+) -> None:
     run, model = msgspec.structs.replace(made_log(), simulated=simulated), baseline(RIG)
     course = course_of(run, RIG)
     predicted = course.predict(model)
@@ -165,7 +206,10 @@ def slow_ramps(blocks: Blocks, length: int) -> Signal:
     """A speed that rises over some blocks of each payout and is even after them, (m,). [m/s]"""
     payout = blocks.phase == PHASES.index("payout")
     first = np.flatnonzero(payout & np.diff(payout.astype(int), prepend=0) > 0)
-    since = np.arange(blocks.size) - first[np.maximum(np.searchsorted(first, np.arange(blocks.size), "right") - 1, 0)]
+    since = (
+        np.arange(blocks.size)
+        - first[np.maximum(np.searchsorted(first, np.arange(blocks.size), "right") - 1, 0)]
+    )
     return np.where(payout, np.minimum((since + 1.0) / length, 1.0), 0.0)
 
 

@@ -1,4 +1,6 @@
-"""A campaign diagnosed with a calibrated rig file: the causes are those of the file before its calibration."""
+"""A campaign diagnosed with a calibrated rig file: the causes are those of the file before its
+calibration.
+"""
 
 import json
 import shutil
@@ -35,14 +37,20 @@ def diagnosed(campaign: Path, *options: str | Path) -> dict[str, Any]:
 
 def numbers_of(rig: Rig) -> dict[str, float]:
     """Numbers of the effects that a rig file states, by effect and field."""
-    return {f"{name}.{key}": one.value for name, effect in rig.effects.items() for key, one in effect.fields.items()}
+    return {
+        f"{name}.{key}": one.value
+        for name, effect in rig.effects.items()
+        for key, one in effect.fields.items()
+    }
 
 
 def assert_same_causes(campaign: Path, tmp_path: Path) -> None:
     estimates = tmp_path / "estimates.toml"
     estimates.write_text(ESTIMATES, encoding="utf-8")
     rig = tmp_path / "calibrated.toml"
-    done = winchcascade("calibrate", campaign / "open_circuit.csv", "--rig", estimates, "--write", rig)
+    done = winchcascade(
+        "calibrate", campaign / "open_circuit.csv", "--rig", estimates, "--write", rig
+    )
     assert done.returncode == 0, done.stderr
     corrected = [tmp_path / name for name in ("before.toml", "after.toml")]
     before = diagnosed(campaign, "--rig", estimates, "--write", corrected[0])
@@ -58,7 +66,9 @@ def assert_same_causes(campaign: Path, tmp_path: Path) -> None:
     )
     first, second = map(load_rig, corrected)
     assert calibrated_numbers(second) == {}
-    assert numbers_of(second) == {path: pytest.approx(number, rel=1e-3) for path, number in numbers_of(first).items()}
+    assert numbers_of(second) == {
+        path: pytest.approx(number, rel=1e-3) for path, number in numbers_of(first).items()
+    }
     for section, _, name in (number.partition(".") for number in NUMBERS):
         numbers = [getattr(getattr(one, section), name) for one in (first, second)]
         assert numbers[1].value == pytest.approx(numbers[0].value)
@@ -66,7 +76,9 @@ def assert_same_causes(campaign: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_causes_of_three_logs_do_not_depend_on_a_calibration(fixtures: Path, tmp_path: Path) -> None:
+def test_the_causes_of_three_logs_do_not_depend_on_a_calibration(
+    fixtures: Path, tmp_path: Path
+) -> None:
     runs = ""
     for name, load in (("open_circuit", "inf"), ("r27ohm", "27"), ("r9ohm", "9")):
         shutil.copy(fixtures / "campaign" / f"{name}.csv", tmp_path)
@@ -80,5 +92,7 @@ def test_the_causes_of_three_logs_do_not_depend_on_a_calibration(fixtures: Path,
 def test_the_causes_of_a_campaign_do_not_depend_on_a_calibration(
     case: str, fixtures: Path, shared: Path, tmp_path: Path
 ) -> None:
-    """The packaged campaign with causes of every stage, and each cause that resembles a number of the calibration alone."""
+    """The packaged campaign with causes of every stage, and each cause that resembles a number
+    of the calibration alone.
+    """
     assert_same_causes(shared / "labelled" / case if case else fixtures / "campaign", tmp_path)

@@ -22,8 +22,12 @@ def test_a_rig_file_is_written_and_can_be_used(log: Path, tmp_path: Path) -> Non
     assert done.returncode == 0, done.stderr
     assert f"files      {rig}" in done.stdout.splitlines()
     assert winchcascade("reduce", log, "--rig", rig).returncode == 0
-    assert winchcascade("simulate", log, "--rig", rig, "--out", tmp_path / "again.csv").returncode == 0
-    assert winchcascade("calibrate", log, "--write", rig).returncode == 0  # its own file is replaced
+    assert (
+        winchcascade("simulate", log, "--rig", rig, "--out", tmp_path / "again.csv").returncode == 0
+    )
+    assert (
+        winchcascade("calibrate", log, "--write", rig).returncode == 0
+    )  # its own file is replaced
     assert {name for _, name in calibrated_numbers(load_rig(rig))} == {"k_e", "mu_screw", "b_rotor"}
 
 
@@ -31,11 +35,15 @@ def test_a_rig_file_of_ones_own_is_not_replaced(log: Path, tmp_path: Path) -> No
     mine = tmp_path / "mine.toml"
     mine.write_text('based_on = "hsu2026"\nname = "mine"\n')
     assert "was not written by winchcascade" in one_sentence("calibrate", log, "--write", mine)
-    assert "is an input" in one_sentence("calibrate", log, "--rig", mine, "--write", mine, "--force")
+    assert "is an input" in one_sentence(
+        "calibrate", log, "--rig", mine, "--write", mine, "--force"
+    )
     assert winchcascade("calibrate", log, "--write", mine, "--force").returncode == 0
 
 
-def test_the_json_holds_what_the_table_shows_and_outputs_need_names_of_their_own(log: Path, tmp_path: Path) -> None:
+def test_the_json_holds_what_the_table_shows_and_outputs_need_names_of_their_own(
+    log: Path, tmp_path: Path
+) -> None:
     done = winchcascade("calibrate", log, "--json", "-")
     record = json.loads(done.stdout)
     assert record["schema"] == "winchcascade/calibration/1"

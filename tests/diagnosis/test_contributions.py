@@ -1,4 +1,6 @@
-"""The parts of a difference add up, follow Shapley's definition, and are those of the effects that were planted."""
+"""The parts of a difference add up, follow Shapley's definition, and are those of the effects
+that were planted.
+"""
 
 import math
 from functools import cache
@@ -23,7 +25,13 @@ from winchcascade.diagnosis.explain.contributions import (
     leading_metric,
     with_uncertain_laws,
 )
-from winchcascade.diagnosis.explain.shapley import EXACT, PAIRS_OF_ORDERS, shapley, split, subsets_of
+from winchcascade.diagnosis.explain.shapley import (
+    EXACT,
+    PAIRS_OF_ORDERS,
+    shapley,
+    split,
+    subsets_of,
+)
 from winchcascade.diagnosis.explain.windowed import QUANTITIES, windowed
 from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.reduction.reduce import reduce
@@ -31,7 +39,11 @@ from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.simulate import simulate
 
-PLANTED = {"copper_heating": {"r_s_change": 0.35}, "line_drag": {"b": 0.9}, "torque_gain": {"gain_error": 0.03}}
+PLANTED = {
+    "copper_heating": {"r_s_change": 0.35},
+    "line_drag": {"b": 0.9},
+    "torque_gain": {"gain_error": 0.03},
+}
 
 ROUNDING = 1e-9
 """Relative error of sums of floating-point numbers. [1]"""
@@ -79,7 +91,9 @@ def test_a_split_among_many_is_drawn_with_a_stated_error_and_adds_up(count: int)
     """The value of a subset is that of its players and of pairs, of which each player has half."""
     rng, subsets = np.random.default_rng(count), subsets_of(count)
     alone, pairs = rng.normal(size=count), np.triu(rng.normal(size=(count, count)), 1)
-    takes_part = np.array([[subset >> player & 1 for player in range(count)] for subset in subsets], dtype=np.float64)
+    takes_part = np.array(
+        [[subset >> player & 1 for player in range(count)] for subset in subsets], dtype=np.float64
+    )
     values = takes_part @ alone + np.einsum("si,ij,sj->s", takes_part, pairs, takes_part)
     shares, error = split(values, count)
     assert len(subsets) <= 2 * PAIRS_OF_ORDERS * count
@@ -105,7 +119,10 @@ def test_the_error_of_a_drawn_split_is_that_of_its_scatter() -> None:
 def test_contributions_are_the_split_of_simulated_metrics() -> None:
     diagnosis = found()
     data, best = diagnosis.data, diagnosis.found.best
-    one, acting = windowed(data, 1), dict(zip(best.names, best.effects(diagnosis.suspects), strict=True))
+    one, acting = (
+        windowed(data, 1),
+        dict(zip(best.names, best.effects(diagnosis.suspects), strict=True)),
+    )
     nothing = np.zeros(len(data.nuisances))
 
     def metrics(names: tuple[str, ...]) -> np.ndarray:
@@ -114,10 +131,15 @@ def test_contributions_are_the_split_of_simulated_metrics() -> None:
 
     orders = list(permutations(PLANTED))
     for name in PLANTED:
-        added = [metrics(order[: order.index(name) + 1]) - metrics(order[: order.index(name)]) for order in orders]
+        added = [
+            metrics(order[: order.index(name) + 1]) - metrics(order[: order.index(name)])
+            for order in orders
+        ]
         expected = dict(zip(QUANTITIES, np.mean(added, axis=0), strict=True))
         for metric in ("eta_pto", "energy_mech", "torque"):
-            assert part(metric, 36.0, name).value == pytest.approx(expected[metric], rel=1e-9, abs=1e-12)
+            assert part(metric, 36.0, name).value == pytest.approx(
+                expected[metric], rel=1e-9, abs=1e-12
+            )
 
 
 def test_the_order_of_the_causes_changes_no_part() -> None:
@@ -125,7 +147,9 @@ def test_the_order_of_the_causes_changes_no_part() -> None:
     again = contributions_of(diagnosis.data, diagnosis.found, diagnosis.causes[::-1])[0]
     for one, other in zip(diagnosis.contributions, again, strict=True):
         values = {(p.effect, p.kind): p.value for p in other.parts}
-        assert values == {(p.effect, p.kind): pytest.approx(p.value, rel=1e-9, abs=1e-12) for p in one.parts}
+        assert values == {
+            (p.effect, p.kind): pytest.approx(p.value, rel=1e-9, abs=1e-12) for p in one.parts
+        }
 
 
 @pytest.mark.parametrize("load", [36.0, 9.0])
@@ -136,7 +160,9 @@ def test_the_interval_holds_what_the_planted_effect_changes(load: float) -> None
     for effect in rest:
         without = effect.apply(without)
     both = [make_effect("copper_heating", PLANTED["copper_heating"]).apply(without), without]
-    after, before = (reduce(simulate(run, model).run, rig=calibrated_rig()).mean.eta_pto for model in both)
+    after, before = (
+        reduce(simulate(run, model).run, rig=calibrated_rig()).mean.eta_pto for model in both
+    )
     assert after is not None
     assert before is not None
     got = part("eta_pto", load, "copper_heating")
@@ -149,7 +175,11 @@ def test_a_sensor_changes_what_is_read_and_costs_no_energy() -> None:
     assert gain.kind == "sensor"
     assert gain.value == pytest.approx(0.03 * entry("torque", 9.0).as_given, rel=0.15)
     assert part("eta_pto", 9.0, "torque_gain").value == 0.0
-    assert part("eta_gen", 9.0, "torque_gain").value < 0.0 < part("eta_trans", 9.0, "torque_gain").value
+    assert (
+        part("eta_gen", 9.0, "torque_gain").value
+        < 0.0
+        < part("eta_trans", 9.0, "torque_gain").value
+    )
 
 
 def test_open_circuit_has_no_efficiency_of_the_machine() -> None:
@@ -171,14 +201,18 @@ def test_causes_are_ordered_by_what_they_change_in_eta_pto() -> None:
     causes = found().causes
     mean = [abs(sum(part("eta_pto", load, c.effect).value for load in (36.0, 9.0))) for c in causes]
     assert mean == sorted(mean, reverse=True)
-    assert [p.effect for p in entry("eta_pto", 9.0).parts[: len(causes)]] == [c.effect for c in causes]
+    assert [p.effect for p in entry("eta_pto", 9.0).parts[: len(causes)]] == [
+        c.effect for c in causes
+    ]
     last = msgspec.structs.replace(causes[-1], stage="entry")
     assert by_cost([*causes[:-1], last], found().contributions)[0] == last
 
 
 def test_what_a_log_lacks_has_no_parts() -> None:
     runs = [
-        msgspec.structs.replace(run, channels={k: x for k, x in run.channels.items() if k not in ("torque", "idc")})
+        msgspec.structs.replace(
+            run, channels={k: x for k, x in run.channels.items() if k not in ("torque", "idc")}
+        )
         for run in campaign({"line_drag": PLANTED["line_drag"]})[1:]
     ]
     bare = diagnose(runs, calibrated_rig(), {"line_drag": EFFECTS["line_drag"]})
@@ -196,18 +230,29 @@ def test_without_a_cause_tolerances_and_residual_remain() -> None:
 
 
 def accounts(share: list[float], u: list[float]) -> Accounts:
-    """Runs of which one cause has a share of every quantity, with the uncertainty of the fit alone; all else is 0."""
+    """Runs of which one cause has a share of every quantity, with the uncertainty of the fit
+    alone; all else is 0.
+    """
     parts = np.zeros((2, len(share), 3, len(QUANTITIES)))
     parts[0, :, 0], parts[1, :, 0] = np.array(share)[:, None], np.array(u)[:, None]
     level = np.full((len(share), len(QUANTITIES)), 0.5)
-    return Accounts(0.0 * level, level, parts[0], parts[1], parts[0, :, :1], np.zeros((len(share), 2, len(QUANTITIES))))
+    return Accounts(
+        0.0 * level,
+        level,
+        parts[0],
+        parts[1],
+        parts[0, :, :1],
+        np.zeros((len(share), 2, len(QUANTITIES))),
+    )
 
 
 def test_a_law_errs_also_where_a_contribution_passes_zero() -> None:
     of_law, of_model, own = LAW * 0.03, OF_DISCREPANCY * 0.002 * 0.5, [0.0, 4e-4, 0.0]
     u = with_uncertain_laws(accounts([0.0, -0.03, 0.2], own), np.array([True, True, False]), 0.002)
     for found, alone in zip(u[:2, 0], own, strict=False):
-        assert found == pytest.approx(np.full(len(QUANTITIES), math.sqrt(alone**2 + of_law**2 + of_model**2)))
+        assert found == pytest.approx(
+            np.full(len(QUANTITIES), math.sqrt(alone**2 + of_law**2 + of_model**2))
+        )
 
 
 def test_what_changes_nothing_has_no_uncertain_law() -> None:

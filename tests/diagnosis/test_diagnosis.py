@@ -1,4 +1,6 @@
-"""A diagnosis names what was planted, stays silent where nothing was, and says so where nothing in its catalogue fits."""
+"""A diagnosis names what was planted, stays silent where nothing was, and says so where nothing
+in its catalogue fits.
+"""
 
 import math
 from functools import cache
@@ -96,14 +98,19 @@ def test_the_stage_of_a_gap_is_that_of_its_cause() -> None:
 
 
 def test_what_no_suspect_explains_is_not_given_the_nearest_name() -> None:
-    without = {name: kind for name, kind in EFFECTS.items() if name not in ("gas_volume", "precharge", "piston_area")}
+    without = {
+        name: kind
+        for name, kind in EFFECTS.items()
+        if name not in ("gas_volume", "precharge", "piston_area")
+    }
     runs = campaign({"gas_volume": {"volume_extra": 6e-4}})
     swinging = [
         msgspec.structs.replace(
             run,
             channels={
                 **run.channels,
-                "pressure": run.channels["pressure"] + 4e4 * np.sin(2.0 * run.channels["displacement"]),
+                "pressure": run.channels["pressure"]
+                + 4e4 * np.sin(2.0 * run.channels["displacement"]),
             },
         )
         for run in runs
@@ -124,7 +131,9 @@ def test_an_eccentric_drum_is_no_noise() -> None:
             channels={
                 **run.channels,
                 "torque": run.channels["torque"]
-                + 4.0 * np.sin(run.channels["displacement"] / drum) * (run.channels["velocity"] > 0.05),
+                + 4.0
+                * np.sin(run.channels["displacement"] / drum)
+                * (run.channels["velocity"] > 0.05),
             },
         )
         for run in campaign({})
@@ -161,7 +170,11 @@ def test_a_tether_that_moves_also_at_rest_is_noise() -> None:
                 **run.channels,
                 "force": run.channels["force"]
                 + 40.0
-                * np.interp(run.t, np.arange(0.0, run.t[-1] + 0.5, 0.3), rng.normal(size=int(run.t[-1] / 0.3) + 2)),
+                * np.interp(
+                    run.t,
+                    np.arange(0.0, run.t[-1] + 0.5, 0.3),
+                    rng.normal(size=int(run.t[-1] / 0.3) + 2),
+                ),
             },
         )
         for run in campaign({})
@@ -170,8 +183,13 @@ def test_a_tether_that_moves_also_at_rest_is_noise() -> None:
 
 
 def test_logs_without_a_channel_of_the_model_are_rejected_and_not_called_sound() -> None:
-    bare = [msgspec.structs.replace(run, channels={"velocity": run.channels["velocity"]}) for run in campaign({})]
-    with pytest.raises(LogError, match="no log that takes part has pressure, force, torque, vdc or idc"):
+    bare = [
+        msgspec.structs.replace(run, channels={"velocity": run.channels["velocity"]})
+        for run in campaign({})
+    ]
+    with pytest.raises(
+        LogError, match="no log that takes part has pressure, force, torque, vdc or idc"
+    ):
         diagnose(bare, calibrated_rig(), EFFECTS)
 
 
@@ -183,23 +201,32 @@ def test_cycles_that_a_log_has_not_are_rejected() -> None:
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_answer_to_the_digit() -> None:
     few = {name: EFFECTS[name] for name in PLANTED}
-    one, again = (diagnose(campaign({"torque_gain": PLANTED["torque_gain"]}), calibrated_rig(), few) for _ in range(2))
+    one, again = (
+        diagnose(campaign({"torque_gain": PLANTED["torque_gain"]}), calibrated_rig(), few)
+        for _ in range(2)
+    )
     assert one.closure is not None
     assert as_json(one) == as_json(again)
 
 
 def test_withheld_logs_take_no_part_in_the_choice() -> None:
     runs = campaign({"copper_heating": PLANTED["copper_heating"]})
-    spoiled = msgspec.structs.replace(runs[2], channels={**runs[2].channels, "vdc": 2.0 * runs[2].channels["vdc"]})
+    spoiled = msgspec.structs.replace(
+        runs[2], channels={**runs[2].channels, "vdc": 2.0 * runs[2].channels["vdc"]}
+    )
     found = diagnose([*runs[:2], spoiled], calibrated_rig(), EFFECTS, withheld=[2])
     assert found.closure is None or found.closure.withheld == (2,)
     assert "voltage_gain" not in [cause.effect for cause in found.causes]
 
 
 def test_a_copy_of_a_withheld_log_must_not_take_part_in_the_fit() -> None:
-    runs = [msgspec.structs.replace(run, sha256=digest) for run, digest in zip(campaign({}), "aba", strict=True)]
+    runs = [
+        msgspec.structs.replace(run, sha256=digest)
+        for run, digest in zip(campaign({}), "aba", strict=True)
+    ]
     with pytest.raises(
-        CampaignError, match=r"copies: runs 1 \(.*\) and 3 \(.*\) are the same log, and run 3 is withheld"
+        CampaignError,
+        match=r"copies: runs 1 \(.*\) and 3 \(.*\) are the same log, and run 3 is withheld",
     ):
         diagnose(runs, calibrated_rig(), EFFECTS, title="copies", withheld=[2])
 
@@ -210,7 +237,8 @@ def test_loads_are_withheld_by_number() -> None:
     assert withheld_numbers([math.inf, 9.0], runs, [False] * 3) == [0, 2]
     assert withheld_numbers([], runs, [False, True, False]) == [1]
     with pytest.raises(
-        OptionError, match=r"--withhold 18: no run of the campaign has this load; it has inf, 36, 9 ohm"
+        OptionError,
+        match=r"--withhold 18: no run of the campaign has this load; it has inf, 36, 9 ohm",
     ):
         withheld_numbers([18.0], runs, [False] * 3)
 

@@ -1,4 +1,6 @@
-"""Wrong entries: suspects of every diagnosis, chosen only where they explain clearly more, and their alternatives."""
+"""Wrong entries: suspects of every diagnosis, chosen only where they explain clearly more, and
+their alternatives.
+"""
 
 import math
 from functools import cache
@@ -41,7 +43,12 @@ def misstated() -> ModelDiagnosis:
 @pytest.mark.parametrize(
     ("name", "value", "truth", "sentence"),
     [
-        ("drum_radius", 0.06, 0.1378, "The rig file states r_drum = 0.130 m; the logs fit 0.138 m."),
+        (
+            "drum_radius",
+            0.06,
+            0.1378,
+            "The rig file states r_drum = 0.130 m; the logs fit 0.138 m.",
+        ),
         pytest.param(
             "gear_ratio",
             -0.08,
@@ -58,7 +65,9 @@ def misstated() -> ModelDiagnosis:
         ),
     ],
 )
-def test_a_wrong_entry_is_named_alone_with_its_number(name: str, value: float, truth: float, sentence: str) -> None:
+def test_a_wrong_entry_is_named_alone_with_its_number(
+    name: str, value: float, truth: float, sentence: str
+) -> None:
     result = found(name, value)
     (cause,) = result.causes
     assert (cause.effect, cause.stage, result.verdict) == (name, "entry", "explained")
@@ -76,7 +85,8 @@ def test_an_entry_is_not_claimed_to_be_wrong_where_something_else_acts_too() -> 
     result = msgspec.structs.replace(found("drum_radius", 0.06), verdict="partly_explained")
     record = as_json(result)
     assert record["causes"][0]["sentence"] == (
-        "The rig file states r_drum = 0.130 m; the logs fit 0.138 m. The residual exceeds noise: the entry may only imitate "
+        "The rig file states r_drum = 0.130 m; the logs fit 0.138 m. The residual exceeds noise: "
+        "the entry may only imitate "
         "an effect that the catalogue lacks."
     )
     assert record["where"]["sentence"].startswith("The gap is most like that of a wrong entry: ")
@@ -98,7 +108,11 @@ def test_the_wrong_load_of_one_run_is_named_with_its_run() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "value", "other"),
-    [("sync_inductance", 0.2, "pole_pairs"), ("piston_area", -0.07, "screw_lead"), ("force_gain", 0.04, "drum_radius")],
+    [
+        ("sync_inductance", 0.2, "pole_pairs"),
+        ("piston_area", -0.07, "screw_lead"),
+        ("force_gain", 0.04, "drum_radius"),
+    ],
 )
 def test_an_effect_of_the_rig_is_named_and_the_entry_that_looks_the_same_is_its_alternative(
     name: str, value: float, other: str
@@ -112,7 +126,10 @@ def test_an_effect_of_the_rig_is_named_and_the_entry_that_looks_the_same_is_its_
 def test_a_usual_multiple_of_the_pole_pairs_is_named_before_the_inductance() -> None:
     (cause,) = as_json(found("pole_pairs", 1.0))["causes"]
     assert cause["effect"] in ("pole_pairs", "l_s_convention")
-    assert {cause["effect"], *(rival["effect"] for rival in cause["rivals"])} >= {"pole_pairs", "l_s_convention"}
+    assert {cause["effect"], *(rival["effect"] for rival in cause["rivals"])} >= {
+        "pole_pairs",
+        "l_s_convention",
+    }
 
 
 def test_an_entry_is_rarer_than_an_effect_of_the_rig() -> None:
@@ -122,7 +139,9 @@ def test_an_entry_is_rarer_than_an_effect_of_the_rig() -> None:
 
 def test_a_usual_multiple_has_a_higher_prior_and_a_convention_no_other() -> None:
     def gain(name: str, value: float) -> float:
-        return usual_gain(EFFECTS, (name,), np.array([value]), freedom(EFFECTS[name]), np.array([[1e6]]))
+        return usual_gain(
+            EFFECTS, (name,), np.array([value]), freedom(EFFECTS[name]), np.array([[1e6]])
+        )
 
     assert gain("pole_pairs", 0.5) > 0.0 > gain("pole_pairs", 0.3) > -1.0
     assert gain("k_e_convention", math.sqrt(2.0) - 1.0) > 0.0
@@ -130,11 +149,16 @@ def test_a_usual_multiple_has_a_higher_prior_and_a_convention_no_other() -> None
     assert gain("ke_shift", 0.1) == 0.0
 
 
-def test_entries_are_suspects_without_tolerances_and_loads_where_vdc_and_idc_contradict_them() -> None:
+def test_entries_are_suspects_without_tolerances_and_loads_where_vdc_and_idc_contradict_them() -> (
+    None
+):
     runs = campaign({})
     suspects = suspects_on(RIG, runs)
     of_other_parts = {"spring_force", "spring_stiffness", "counterweight"}
-    assert set(ENTRIES) - {effect.name for effect in suspects.values()} == {"load_entry", *of_other_parts}
+    assert set(ENTRIES) - {effect.name for effect in suspects.values()} == {
+        "load_entry",
+        *of_other_parts,
+    }
     stated = [msgspec.structs.replace(run, load=6.0) if run.load == 9.0 else run for run in runs]
     assert [name for name in suspects_on(RIG, stated) if name.startswith("load_entry")] == [LOAD]
     assert same_in_logs("sync_inductance", "pole_pairs")
@@ -142,10 +166,14 @@ def test_entries_are_suspects_without_tolerances_and_loads_where_vdc_and_idc_con
 
 
 def test_an_entry_of_one_log_moves_no_other() -> None:
-    stated = [msgspec.structs.replace(run, load=6.0) if run.load == 9.0 else run for run in campaign({})]
+    stated = [
+        msgspec.structs.replace(run, load=6.0) if run.load == 9.0 else run for run in campaign({})
+    ]
     data, suspects = Fitted(stated, RIG), suspects_on(RIG, stated)
     nothing = np.zeros(len(data.nuisances))
-    column = data.predict(nothing, [with_values(suspects[LOAD], np.array([0.1]))]) - data.predict(nothing, [])
+    column = data.predict(nothing, [with_values(suspects[LOAD], np.array([0.1]))]) - data.predict(
+        nothing, []
+    )
     log = [run.load for run in stated].index(6.0)
     others = np.ones(column.shape[0], dtype=bool)
     others[data.rows[log]] = False

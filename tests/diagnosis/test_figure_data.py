@@ -1,4 +1,6 @@
-"""What figures of a diagnosis draw: blocks before and after the causes, the cycle with the largest gap, costs, the roll-off."""
+"""What figures of a diagnosis draw: blocks before and after the causes, the cycle with the
+largest gap, costs, the roll-off.
+"""
 
 import math
 from functools import cache
@@ -68,11 +70,16 @@ def test_means_over_speed_are_those_of_the_blocks_before_braking() -> None:
 
 
 def test_logs_stand_in_the_order_of_their_loads() -> None:
-    assert [diagnosed("copper").data.logs[k].load for k in by_load(diagnosed("copper"))] == [18.0, 4.5]
+    assert [diagnosed("copper").data.logs[k].load for k in by_load(diagnosed("copper"))] == [
+        18.0,
+        4.5,
+    ]
 
 
-# -------------------------------------------------------------------------------------------------------- one cycle
-def test_the_cycle_with_the_largest_gap_is_shown_and_the_effects_bring_the_simulation_to_the_log() -> None:
+# -------------------------------------------------------------------------------------- one cycle
+def test_the_cycle_with_the_largest_gap_is_shown_and_the_effects_bring_the_simulation_to_the_log() -> (
+    None
+):
     found, item = diagnosed("copper"), largest_gap(diagnosed("copper"), table_of("copper"))
     assert item is not None
     assert item.log == 1  # copper shows most at the smallest resistance
@@ -90,7 +97,7 @@ def test_the_cycle_with_the_largest_gap_is_shown_and_the_effects_bring_the_simul
     assert len(nothing.sides) == 2
 
 
-# ------------------------------------------------------------------------------------------------- numbers and costs
+# ------------------------------------------------------------------------------ numbers and costs
 def test_the_roll_off_never_rises_lies_in_its_band_and_is_the_one_reported() -> None:
     profile = profile_of(diagnosed("rolloff"))
     assert profile is not None
@@ -106,11 +113,15 @@ def test_the_roll_off_never_rises_lies_in_its_band_and_is_the_one_reported() -> 
 
 def test_costs_of_runs_of_one_load_are_averaged() -> None:
     found = diagnosed("copper")
-    twice = msgspec.structs.replace(found, contributions=(*found.contributions, *found.contributions))
+    twice = msgspec.structs.replace(
+        found, contributions=(*found.contributions, *found.contributions)
+    )
     for two, one in zip(load_costs(twice, "eta_pto"), load_costs(found, "eta_pto"), strict=True):
         assert (two.load, two.as_given) == pytest.approx((one.load, one.as_given))
         assert two.parts[0].value == pytest.approx(one.parts[0].value)
-        assert one.as_given + sum(part.value for part in one.parts) == pytest.approx(one.measured, abs=1e-6)
+        assert one.as_given + sum(part.value for part in one.parts) == pytest.approx(
+            one.measured, abs=1e-6
+        )
 
 
 @pytest.mark.slow

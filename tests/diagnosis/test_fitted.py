@@ -1,4 +1,6 @@
-"""Logs of one rig as one fit: residuals whitened, nuisances in their columns, zeros in their logs."""
+"""Logs of one rig as one fit: residuals whitened, nuisances in their columns, zeros in their
+logs.
+"""
 
 import math
 
@@ -23,11 +25,14 @@ PART = 0.02
 """Share of a tolerance by which a difference is taken."""
 
 FAR, SHARE = ("c_dc", "friction of the drivetrain"), 0.2
-"""Nuisances that are far from linear, and the share of their tolerance by which they are differenced."""
+"""Nuisances that are far from linear, and the share of their tolerance by which they are
+differenced.
+"""
 
 LINEAR = 0.02
-"""Share by which a column may miss the difference, in root mean squares. The column of a gain is its share of the prediction,
-the offset of a coarse step included; where the clutch lets go a derivative is none."""
+"""Share by which a column may miss the difference, in root mean squares. The column of a gain is
+its share of the prediction, the offset of a coarse step included; where the clutch lets go a
+derivative is none."""
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +42,9 @@ def data() -> Fitted:
 
 
 def coloured(data: Fitted, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """White numbers (M, 5), and residuals with the covariance and the memory that the fit takes noise to have."""
+    """White numbers (M, 5), and residuals with the covariance and the memory that the fit takes
+    noise to have.
+    """
     white = rng.normal(size=data.measured.shape)
     kept = white.copy()
     for k in np.flatnonzero(data.blocks.joined).tolist():
@@ -100,14 +107,20 @@ def test_a_column_is_what_a_tolerance_moves(data: Fitted) -> None:
         if str(n) in FAR:
             actual = data.whiten(data.predict(SHARE * one, []) - at) / SHARE
         else:
-            actual = data.whiten(data.predict(PART * one, []) - data.predict(-PART * one, [])) / (2.0 * PART)
-        assert np.linalg.norm(columns @ one - actual) <= LINEAR * np.linalg.norm(actual) + 1e-30, str(n)
+            actual = data.whiten(data.predict(PART * one, []) - data.predict(-PART * one, [])) / (
+                2.0 * PART
+            )
+        assert np.linalg.norm(columns @ one - actual) <= LINEAR * np.linalg.norm(actual) + 1e-30, (
+            str(n)
+        )
 
 
 def test_a_zero_moves_its_own_log_and_a_load_its_own_runs(data: Fitted) -> None:
     columns = data.columns(np.zeros(len(data.nuisances)), [])
     for j, n in enumerate(data.nuisances):
-        first, second = np.split(columns @ np.eye(len(data.nuisances))[j], [len(CHANNELS) * data.sizes[0]])
+        first, second = np.split(
+            columns @ np.eye(len(data.nuisances))[j], [len(CHANNELS) * data.sizes[0]]
+        )
         if n.kind == "zero":
             assert not (second if n.log == 0 else first).any()
         if n.kind == "load":
@@ -121,12 +134,18 @@ def test_the_discrepancy_of_the_model_is_a_share_of_the_plateau_of_its_log(data:
     spread, first = np.sqrt(np.sum(data.discrepancies() ** 2, axis=2)), data.logs[0]
     torque, pressure = (CHANNELS.index(name) for name in ("torque", "pressure"))
     payout = first.course.blocks.phase == 0
-    share = spread[data.rows[0]][payout, torque].max() / np.quantile(first.measured[payout, torque], 0.9)
+    share = spread[data.rows[0]][payout, torque].max() / np.quantile(
+        first.measured[payout, torque], 0.9
+    )
     assert share == pytest.approx(RIG.model.discrepancy, rel=0.02)
     swing = np.ptp(first.measured[:, pressure])
-    assert spread[data.rows[0], pressure].max() == pytest.approx(RIG.model.discrepancy * swing, rel=0.02)
+    assert spread[data.rows[0], pressure].max() == pytest.approx(
+        RIG.model.discrepancy * swing, rel=0.02
+    )
     haul_in = first.course.blocks.phase == 2
-    assert not spread[data.rows[0]][haul_in, torque].any()  # the clutch is open: zero is no share of a plateau
+    assert not spread[data.rows[0]][
+        haul_in, torque
+    ].any()  # the clutch is open: zero is no share of a plateau
 
 
 def test_a_deviation_of_the_model_within_blocks_is_the_same_in_repeats() -> None:
@@ -148,7 +167,9 @@ def test_only_the_cycles_that_count_are_fitted() -> None:
 
 def test_a_missing_channel_is_left_out_of_the_fit() -> None:
     run = made_log(seed=1, cycles=1)
-    bare = msgspec.structs.replace(run, channels={k: x for k, x in run.channels.items() if k != "torque"})
+    bare = msgspec.structs.replace(
+        run, channels={k: x for k, x in run.channels.items() if k != "torque"}
+    )
     data = Fitted([bare], RIG)
     assert not data.logs[0].noise.seen[:, CHANNELS.index("torque")].any()
     assert not any(n.name == "torque" for n in data.nuisances)
@@ -158,10 +179,16 @@ def test_a_number_and_an_effect_together_make_no_rig_that_cannot_be(data: Fitted
     names = [(n.section, n.name) for n in data.nuisances]
     for effect, name, limit in (
         (make_effect("screw_friction", {"mu_change": -0.04}), ("restoring", "mu_screw"), -2.0),
-        (make_effect("gear_mesh_loss", {"efficiency_change": 0.0}), ("drivetrain", "eta_mesh"), 50.0),
+        (
+            make_effect("gear_mesh_loss", {"efficiency_change": 0.0}),
+            ("drivetrain", "eta_mesh"),
+            50.0,
+        ),
     ):
         nu = np.zeros(len(data.nuisances))
         nu[names.index(name)] = limit
         found = data.models(nu, [effect])[0]
-        assert (found.restoring.mu, found.drivetrain.eta_mesh).count(0.0 if limit < 0.0 else 1.0) == 1
+        assert (found.restoring.mu, found.drivetrain.eta_mesh).count(
+            0.0 if limit < 0.0 else 1.0
+        ) == 1
         assert simulate(motion_run(load=18.0, cycles=1), found).run.t.size > 0

@@ -1,4 +1,6 @@
-"""The map of a gap end to end and stage by stage: its yardsticks, where a gap lies, and what each stage shows."""
+"""The map of a gap end to end and stage by stage: its yardsticks, where a gap lies, and what
+each stage shows.
+"""
 
 import math
 from functools import cache
@@ -34,7 +36,9 @@ from winchcascade.rig.parts import Model
 from winchcascade.rig.stages import STAGES
 
 OF_NOISE = 0.3
-"""Difference between the places of a log alone and among others over their noise: all motions set step and smoothing. [1]"""
+"""Difference between the places of a log alone and among others over their noise: all motions
+set step and smoothing. [1]
+"""
 
 U_PRESSURE = 2942.0
 """Standard uncertainty of the zero of the pressure sensor, as the built-in rig file has it. [Pa]"""
@@ -67,16 +71,26 @@ def left(data: Fitted) -> np.ndarray:
     return data.without_zeros(data.measured - data.predict(np.zeros(len(data.nuisances)), []))
 
 
-# ------------------------------------------------------------------------------------------------------- the yardsticks
+# --------------------------------------------------------------------------------- the yardsticks
 def test_every_yardstick_is_what_it_is_said_to_be() -> None:
-    residual, cycle, noise = np.array([1.0, 3.0, 2.0, 6.0]), np.array([0, 0, 1, 1]), np.array([0.1, 0.1, 0.1, 0.5])
-    by = weigh(residual, cycle, noise, 0.3, np.array([[1.0, 0.0], [0.0, 0.2], [1.0, 0.0], [0.0, 0.2]]))
+    residual, cycle, noise = (
+        np.array([1.0, 3.0, 2.0, 6.0]),
+        np.array([0, 0, 1, 1]),
+        np.array([0.1, 0.1, 0.1, 0.5]),
+    )
+    by = weigh(
+        residual, cycle, noise, 0.3, np.array([[1.0, 0.0], [0.0, 0.2], [1.0, 0.0], [0.0, 0.2]])
+    )
     own = math.sqrt((3 * 0.01 + 0.25) / 4.0)
-    assert (by.bias, by.rms, by.noise) == pytest.approx((3.0, math.sqrt((1 + 9 + 4 + 36) / 4.0), own))
+    assert (by.bias, by.rms, by.noise) == pytest.approx(
+        (3.0, math.sqrt((1 + 9 + 4 + 36) / 4.0), own)
+    )
     assert by.u_noise == pytest.approx(math.hypot(own / 2.0 * math.sqrt(1.5), 0.3))
     assert by.u_repeat == pytest.approx(np.std([2.0, 4.0], ddof=1) / math.sqrt(2.0))
     assert by.u_tolerance == pytest.approx(math.hypot(0.5, 0.1))
-    assert by.z == pytest.approx(3.0 / math.sqrt(by.u_noise**2 + by.u_repeat**2 + by.u_tolerance**2))
+    assert by.z == pytest.approx(
+        3.0 / math.sqrt(by.u_noise**2 + by.u_repeat**2 + by.u_tolerance**2)
+    )
 
 
 def test_one_cycle_says_nothing_of_repeating_and_no_yardstick_no_z() -> None:
@@ -92,15 +106,21 @@ def test_the_map_has_every_channel_and_phase_that_the_noise_is_known_of() -> Non
     assert max(abs(place.z) for place in places) < STANDS_OUT
 
 
-@pytest.mark.parametrize(("channel", "times"), [("pressure", 1.0), ("pressure", 10.0), ("vdc", 0.001)])
-def test_a_zero_is_taken_off_within_its_reach_where_a_sensor_has_one(channel: str, times: float) -> None:
+@pytest.mark.parametrize(
+    ("channel", "times"), [("pressure", 1.0), ("pressure", 10.0), ("vdc", 0.001)]
+)
+def test_a_zero_is_taken_off_within_its_reach_where_a_sensor_has_one(
+    channel: str, times: float
+) -> None:
     k, by = CHANNELS.index(channel), times * U_PRESSURE
     reach = ZERO_REACH * U_PRESSURE if channel == "pressure" else 0.0
     moved = left(offset(log_of(), channel, by))[:, k] - left(log_of())[:, k]
-    assert np.nanmean(moved) == pytest.approx(max(by - reach, 0.0), abs=0.5 * U_PRESSURE if reach else 1e-9)
+    assert np.nanmean(moved) == pytest.approx(
+        max(by - reach, 0.0), abs=0.5 * U_PRESSURE if reach else 1e-9
+    )
 
 
-# -------------------------------------------------------------------------------------------------------------- where
+# ------------------------------------------------------------------------------------------ where
 def place(channel: str, z: float) -> Place:
     return Place(
         channel=channel, phase="payout", log=0, load=9.0, blocks=20, bias=z, rms=abs(z), noise=1.0,
@@ -145,7 +165,7 @@ def test_the_region_is_that_of_the_blocks_that_stand_out() -> None:
     assert abs(found.size) == pytest.approx(8.0, abs=0.6)
 
 
-# ------------------------------------------------------------------------------------------------------- stage by stage
+# --------------------------------------------------------------------------------- stage by stage
 LOADS = (math.inf, 27.0, 4.5)
 ZERO = {"pressure": 2942.0, "force": 2.0, "torque": 0.3, "idc": 0.005}
 """Standard uncertainties of the zeros, as the built-in rig file has them. SI units."""
@@ -186,7 +206,9 @@ def planted(name: str = "") -> tuple[Place, ...]:
     return stagewise(Fitted(campaign(dict.fromkeys(LOADS, model), 0), calibrated_rig()))
 
 
-@pytest.mark.parametrize("name", daily(PLANTED, ("clutch_drag", "ke_shift", "copper_heating", "gas_volume")))
+@pytest.mark.parametrize(
+    "name", daily(PLANTED, ("clutch_drag", "ke_shift", "copper_heating", "gas_volume"))
+)
 def test_what_is_wrong_in_a_stage_shows_in_that_stage_alone(name: str) -> None:
     found = arises(planted(name))
     assert {place.stage for place in found} == PLANTED[name][1]
@@ -203,7 +225,9 @@ def test_a_rig_within_its_tolerances_has_no_stage_off(seed: int) -> None:
     rng = np.random.default_rng(seed)
     bare = Fitted([made_log(load=load, cycles=1) for load in LOADS], calibrated_rig())
     models = bare.models(rng.standard_normal(len(bare.nuisances)), [])
-    places = stagewise(Fitted(campaign(dict(zip(LOADS, models, strict=True)), seed), calibrated_rig()))
+    places = stagewise(
+        Fitted(campaign(dict(zip(LOADS, models, strict=True)), seed), calibrated_rig())
+    )
     z = np.array([place.z for place in places])
     assert np.all(np.abs(z) < STANDS_OUT)
     assert np.sqrt(np.mean(z**2)) < 1.7  # one number of the rig moves many places alike
@@ -224,9 +248,13 @@ def test_a_log_without_noise_has_no_stage_off() -> None:
         (("vdc", "idc"), {"restoring", "transmission"}),
     ],
 )
-def test_a_stage_that_the_log_cannot_compare_is_left_out(missing: tuple[str, ...], left: set[str]) -> None:
+def test_a_stage_that_the_log_cannot_compare_is_left_out(
+    missing: tuple[str, ...], left: set[str]
+) -> None:
     run = made_log(seed=2, load=18.0, cycles=2)
-    bare = msgspec.structs.replace(run, channels={k: x for k, x in run.channels.items() if k not in missing})
+    bare = msgspec.structs.replace(
+        run, channels={k: x for k, x in run.channels.items() if k not in missing}
+    )
     assert {place.stage for place in stagewise(Fitted([bare], calibrated_rig()))} == left
     assert stagewise(Fitted([motion_run(load=18.0, cycles=1)], calibrated_rig())) == ()
 

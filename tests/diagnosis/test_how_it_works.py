@@ -1,4 +1,6 @@
-"""The page on how a diagnosis works names the functions that do it, in the order in which they are called."""
+"""The page on how a diagnosis works names the functions that do it, in the order in which they
+are called.
+"""
 
 import re
 import sys
@@ -23,7 +25,9 @@ def named() -> list[str]:
 
 
 def called() -> list[str]:
-    """Functions of the diagnosis in the order in which one with a planted cause calls them first; a class by its making."""
+    """Functions of the diagnosis in the order in which one with a planted cause calls them
+    first; a class by its making.
+    """
     order: dict[str, None] = {}
 
     def watch(frame: FrameType, event: str, _: object) -> None:

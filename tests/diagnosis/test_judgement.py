@@ -1,11 +1,21 @@
-"""What is a cause and what a candidate, and what travels with the numbers of a rig whose gap is judged."""
+"""What is a cause and what a candidate, and what travels with the numbers of a rig whose gap is
+judged.
+"""
 
 import pytest
 from diagnosed import diagnosed
 
 from winchcascade import OptionError
 from winchcascade.diagnosis.diagnose import parted
-from winchcascade.diagnosis.diagnosis_result import Alarm, Judgement, NamedCause, Spot, Stability, Trend, Verdict
+from winchcascade.diagnosis.diagnosis_result import (
+    Alarm,
+    Judgement,
+    NamedCause,
+    Spot,
+    Stability,
+    Trend,
+    Verdict,
+)
 from winchcascade.diagnosis.fit.entries import class_of, effect_name, same_in_logs
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.judge.alarms import moved_by
@@ -33,10 +43,16 @@ def sign(times: float) -> Alarm:
         ([sign(MARGIN), sign(1.01 * MARGIN)], 1.0, []),
         ([sign(1.1)], 0.99 * MOSTLY, []),
         ([Alarm("range", Spot(effects=("ke_shift",)), 1.0, 0.0)], 1.0, ["ke_shift", "line_drag"]),
-        ([Alarm("cancelling", Spot("force", effects=("ke_shift", "other")), 6.0, 5.0)], 1.0, ["line_drag"]),
+        (
+            [Alarm("cancelling", Spot("force", effects=("ke_shift", "other")), 6.0, 5.0)],
+            1.0,
+            ["line_drag"],
+        ),
     ],
 )
-def test_a_name_is_a_cause_where_little_is_left(signs: list[Alarm], share: float, causes: list[str]) -> None:
+def test_a_name_is_a_cause_where_little_is_left(
+    signs: list[Alarm], share: float, causes: list[str]
+) -> None:
     named, listed = parted([cause("ke_shift"), cause("line_drag")], signs, share)
     assert [one.effect for one in named] == causes
     assert sorted(one.effect for one in (*named, *listed)) == ["ke_shift", "line_drag"]
@@ -45,12 +61,17 @@ def test_a_name_is_a_cause_where_little_is_left(signs: list[Alarm], share: float
 
 def test_what_differs_from_run_to_run_is_a_candidate() -> None:
     named, listed = parted([cause("ke_shift", DRIFT), cause("line_drag")], [sign(1.1)], 1.0)
-    assert ([one.effect for one in named], [one.effect for one in listed]) == (["line_drag"], ["ke_shift"])
+    assert ([one.effect for one in named], [one.effect for one in listed]) == (
+        ["line_drag"],
+        ["ke_shift"],
+    )
 
 
 @pytest.mark.parametrize("verdict", ["no_gap", "explained", "partly_explained", "unexplained"])
 @pytest.mark.parametrize("force", [False, True])
-def test_a_rig_whose_gap_is_unexplained_is_refused_unless_forced(verdict: Verdict, force: bool) -> None:
+def test_a_rig_whose_gap_is_unexplained_is_refused_unless_forced(
+    verdict: Verdict, force: bool
+) -> None:
     judgement = Judgement(verdict)
     if verdict == "unexplained" and not force:
         with pytest.raises(OptionError, match="design") as raised:
@@ -60,7 +81,7 @@ def test_a_rig_whose_gap_is_unexplained_is_refused_unless_forced(verdict: Verdic
         judgement.check("design", force=force)
 
 
-# ------------------------------------------------------------------------------------------------------------- classes
+# ---------------------------------------------------------------------------------------- classes
 def test_a_class_of_look_alikes_has_two_of_a_kind_and_what_distinguishes_them() -> None:
     for one in CLASSES:
         assert {effect_name(name) for name in one.members} <= EFFECTS.keys() | LAWS.keys(), one.name
@@ -75,7 +96,9 @@ def test_every_pair_of_a_class_is_the_same_in_logs_and_no_other_is() -> None:
             assert same_in_logs(a, b) == (frozenset((a, b)) in pairs)
 
 
-def test_the_class_of_a_cause_is_that_of_its_look_alike_or_one_with_something_beyond_the_catalogue() -> None:
+def test_the_class_of_a_cause_is_that_of_its_look_alike_or_one_with_something_beyond_the_catalogue() -> (
+    None
+):
     shared, beyond = class_of("heating", ["copper_heating"]), class_of("precharge", [])
     assert shared is not None
     assert beyond is not None
@@ -83,7 +106,7 @@ def test_the_class_of_a_cause_is_that_of_its_look_alike_or_one_with_something_be
     assert class_of("rotor_windage", ["rotor_friction"]) is None
 
 
-# ------------------------------------------------------------------------------------------------------------ imitators
+# -------------------------------------------------------------------------------------- imitators
 @pytest.mark.parametrize(("share", "within"), [(0.5, True), (1.5, False)])
 def test_a_cause_that_moves_no_more_than_the_law_of_another_leaves_open_is_within_it(
     share: float, within: bool

@@ -20,9 +20,13 @@ RIG = calibrated_rig()
 
 def fitted(drop: float) -> Reported:
     model = make_effect("diode_drop", {"v_d_extra": drop}).apply(baseline(RIG))
-    data = Fitted([simulate(motion_run(load=load, cycles=2), model).run for load in (9.0, 36.0)], RIG)
+    data = Fitted(
+        [simulate(motion_run(load=load, cycles=2), model).run for load in (9.0, 36.0)], RIG
+    )
     found = search(RigProblem(data, {"diode_drop": EFFECTS["diode_drop"]}))
-    return parameters_of(posterior_of(found, found.best), EFFECTS["diode_drop"], "diode_drop")["v_d_extra"]
+    return parameters_of(posterior_of(found, found.best), EFFECTS["diode_drop"], "diode_drop")[
+        "v_d_extra"
+    ]
 
 
 @pytest.mark.parametrize(("drop", "beyond"), [(1.0, False), (2.4, True)])
@@ -36,7 +40,10 @@ def test_a_fit_passes_the_plausible_range_and_says_so(drop: float, beyond: bool)
 def test_words_say_which_end_of_its_range_a_number_reaches() -> None:
     number = Reported(1.0, 0.8, 1.0, "V", "high")
     plain = msgspec.structs.replace(number, at_limit=None)
-    low, beyond = (msgspec.structs.replace(plain, **change) for change in ({"at_limit": "low"}, {"beyond_range": True}))
+    low, beyond = (
+        msgspec.structs.replace(plain, **change)
+        for change in ({"at_limit": "low"}, {"beyond_range": True})
+    )
     assert len({range_words(one) for one in (number, low, beyond, plain)}) == 4
     assert "upper" in range_words(number)
     assert range_words(plain) == ""

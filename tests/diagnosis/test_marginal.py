@@ -1,4 +1,6 @@
-"""Nuisances integrated out and the search over sets, held against the exact numbers of a linear problem."""
+"""Nuisances integrated out and the search over sets, held against the exact numbers of a linear
+problem.
+"""
 
 import math
 from collections.abc import Sequence
@@ -27,7 +29,9 @@ ROWS, DENSE, LOCAL = 120, 4, 6
 
 
 class Linear:
-    """Effects that move 120 numbers of unit noise in proportion to their fields, beside ten nuisances."""
+    """Effects that move 120 numbers of unit noise in proportion to their fields, beside ten
+    nuisances.
+    """
 
     def __init__(self, planted: dict[str, float], seed: int = 0) -> None:
         rng = np.random.default_rng(seed)
@@ -62,7 +66,9 @@ class Linear:
     def nuisances(self) -> int:
         return DENSE + LOCAL
 
-    def residuals(self, several: Sequence[Sequence[ActiveEffect]], nu: Signal, _near: object = None) -> Signal:
+    def residuals(
+        self, several: Sequence[Sequence[ActiveEffect]], nu: Signal, _near: object = None
+    ) -> Signal:
         x = np.zeros((self.truth.size, len(several)))
         for column, effects in enumerate(several):
             for one in effects:
@@ -82,7 +88,9 @@ class Linear:
         return np.asarray(np.eye(ROWS) + j @ j.T)
 
     def evidence(self, *names: str) -> float:
-        """Logarithm of the probability density of the measured numbers with some suspects, prices paid."""
+        """Logarithm of the probability density of the measured numbers with some suspects,
+        prices paid.
+        """
         covariance = self.covariance
         for name in names:
             own = slice(self.first(name), self.first(name) + len(self.suspects[name].fields))
@@ -100,7 +108,10 @@ def found() -> tuple[Linear, Found]:
 
 def test_nuisances_integrated_out_leave_the_inverse_of_the_covariance() -> None:
     problem = Linear({})
-    marginal, z = Marginal(np.zeros(DENSE + LOCAL), problem.moves), np.random.default_rng(1).normal(size=(ROWS, 3))
+    marginal, z = (
+        Marginal(np.zeros(DENSE + LOCAL), problem.moves),
+        np.random.default_rng(1).normal(size=(ROWS, 3)),
+    )
     r = marginal(z)
     np.testing.assert_allclose(r.T @ r, z.T @ np.linalg.solve(problem.covariance, z), rtol=1e-9)
     np.testing.assert_allclose(marginal.undone(r), z, rtol=1e-9, atol=1e-12)
@@ -113,15 +124,21 @@ def test_nuisances_integrated_out_leave_the_inverse_of_the_covariance() -> None:
 def test_the_place_about_which_nuisances_are_linear_changes_no_fit_of_a_linear_problem() -> None:
     problem, names = Linear({"line_drag": 0.8}), ("line_drag",)
     fits = [
-        fit_set(problem, marginal_about(problem, [], place * np.ones(DENSE + LOCAL)), names) for place in (0.0, 1.5)
+        fit_set(problem, marginal_about(problem, [], place * np.ones(DENSE + LOCAL)), names)
+        for place in (0.0, 1.5)
     ]
     np.testing.assert_allclose(fits[0].r, fits[1].r, atol=1e-9)
     np.testing.assert_allclose(fits[0].nu, fits[1].nu, atol=1e-9)
 
 
-def test_the_best_nuisances_are_those_of_least_squares_with_their_prior_and_keep_to_their_reach() -> None:
+def test_the_best_nuisances_are_those_of_least_squares_with_their_prior_and_keep_to_their_reach() -> (
+    None
+):
     problem = Linear({})
-    marginal, z = Marginal(np.zeros(DENSE + LOCAL), problem.moves), np.random.default_rng(2).normal(size=ROWS)
+    marginal, z = (
+        Marginal(np.zeros(DENSE + LOCAL), problem.moves),
+        np.random.default_rng(2).normal(size=ROWS),
+    )
     j = np.hstack([problem.moves.dense, problem.moves.local.toarray()])
     exact = np.linalg.solve(np.eye(j.shape[1]) + j.T @ j, j.T @ z)
     nu, left = marginal.best(z)
@@ -129,10 +146,14 @@ def test_the_best_nuisances_are_those_of_least_squares_with_their_prior_and_keep
     np.testing.assert_allclose(left, z - j @ nu, atol=1e-12)
     assert huber(left) + 0.5 * nu @ nu <= huber(z)
     assert np.abs(marginal.best(20.0 * z, reach=0.5)[0]).max() == 0.5
-    np.testing.assert_allclose(marginal.spread, np.linalg.inv(np.eye(j.shape[1]) + j.T @ j), atol=1e-12)
+    np.testing.assert_allclose(
+        marginal.spread, np.linalg.inv(np.eye(j.shape[1]) + j.T @ j), atol=1e-12
+    )
 
 
-@pytest.mark.parametrize("names", [("line_drag",), ("line_drag", "torque_gain"), ("diode_drop", "line_drag")])
+@pytest.mark.parametrize(
+    "names", [("line_drag",), ("line_drag", "torque_gain"), ("diode_drop", "line_drag")]
+)
 def test_evidence_is_the_density_of_the_measured_numbers(names: tuple[str, ...]) -> None:
     problem, outcome = found()
     evidence, marginal = outcome.evidence, outcome.marginal
@@ -146,18 +167,27 @@ def test_evidence_is_the_density_of_the_measured_numbers(names: tuple[str, ...])
 
 def test_the_closed_form_is_the_evidence_of_a_refit_where_the_problem_is_linear() -> None:
     problem, outcome = found()
-    for names in [(), ("line_drag",), ("torque_gain", "voltage_gain"), ("line_drag", "line_friction", "torque_gain")]:
+    for names in [
+        (),
+        ("line_drag",),
+        ("torque_gain", "voltage_gain"),
+        ("line_drag", "line_friction", "torque_gain"),
+    ]:
         refit, ordered = fit_set(problem, outcome.marginal, names), tuple(sorted(names))
         if np.abs(refit.r).max() < 3.0:
             lost = outcome.expansion.rated(ordered) - outcome.expansion.rated(outcome.best.names)
-            assert lost == pytest.approx(outcome.evidence.of(refit) - outcome.evidence.of(outcome.best), abs=0.05)
+            assert lost == pytest.approx(
+                outcome.evidence.of(refit) - outcome.evidence.of(outcome.best), abs=0.05
+            )
 
 
 def test_what_was_planted_is_found_and_nothing_where_nothing_was() -> None:
     problem, outcome = found()
     assert outcome.best.names == ("line_drag", "torque_gain")
     u = np.sqrt(np.diag(posterior_of(outcome, outcome.best).covariance))
-    assert np.all(np.abs(outcome.best.x - problem.truth[[0, problem.first("torque_gain")]]) < 3.0 * u)
+    assert np.all(
+        np.abs(outcome.best.x - problem.truth[[0, problem.first("torque_gain")]]) < 3.0 * u
+    )
     assert search(Linear({}, seed=3)).best.names == ()
 
 
@@ -168,7 +198,9 @@ def test_the_covariance_of_the_fields_is_that_of_their_posterior() -> None:
     exact = np.linalg.inv(way.T @ np.linalg.solve(problem.covariance, way) + np.diag(sd**-2.0))
     columns = outcome.expansion.columns[:, outcome.expansion.index(outcome.best.names)]
     unit = msgspec.structs.replace(outcome, best=outcome.best)
-    np.testing.assert_allclose(covariance_of(unit, outcome.best, columns), exact * outcome.scale, rtol=0.15)
+    np.testing.assert_allclose(
+        covariance_of(unit, outcome.best, columns), exact * outcome.scale, rtol=0.15
+    )
 
 
 def test_residuals_of_one_group_count_together() -> None:
@@ -179,10 +211,13 @@ def test_residuals_of_one_group_count_together() -> None:
     grouped.groups = np.arange(ROWS) // 6
     repeated = msgspec.structs.replace(outcome.best, r=np.repeat(outcome.best.r[::6], 6))
     evidence = msgspec.structs.replace(outcome.evidence, problem=grouped)
-    together = msgspec.structs.replace(outcome, expansion=msgspec.structs.replace(outcome.expansion, evidence=evidence))
+    together = msgspec.structs.replace(
+        outcome, expansion=msgspec.structs.replace(outcome.expansion, evidence=evidence)
+    )
     same = np.repeat(columns[::6], 6, axis=0)
     assert np.all(
-        np.diag(covariance_of(together, repeated, same)) > 1.5 * np.diag(covariance_of(outcome, repeated, same))
+        np.diag(covariance_of(together, repeated, same))
+        > 1.5 * np.diag(covariance_of(outcome, repeated, same))
     )
     assert np.all(alone > 0.0)
     assert problem.groups.max() == 0
@@ -192,7 +227,12 @@ def test_residuals_of_one_group_count_together() -> None:
 def test_a_minimum_within_bounds_is_no_higher_than_any_place_near_it(seed: int) -> None:
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(5, 4))
-    curve, slope, low, high = root.T @ root + 0.1 * np.eye(4), rng.normal(size=4), -0.2 * np.ones(4), 0.3 * np.ones(4)
+    curve, slope, low, high = (
+        root.T @ root + 0.1 * np.eye(4),
+        rng.normal(size=4),
+        -0.2 * np.ones(4),
+        0.3 * np.ones(4),
+    )
 
     def objective(x: Signal) -> float:
         return float(0.5 * x @ curve @ x - slope @ x)
@@ -207,10 +247,28 @@ def test_a_minimum_within_bounds_is_no_higher_than_any_place_near_it(seed: int) 
 def test_the_interval_at_a_limit_holds_95_percent_of_a_normal_that_is_cut_off(push: float) -> None:
     effect, one = EFFECTS["gear_mesh_loss"], np.array([[4e4]])
     free = freedom(effect)
-    fit = Fit(("a",), {"a": slice(0, 1)}, free.minimum, 0.0, one[0], one, one[0], free, one[0], one[0], one[0])
+    fit = Fit(
+        ("a",),
+        {"a": slice(0, 1)},
+        free.minimum,
+        0.0,
+        one[0],
+        one,
+        one[0],
+        free,
+        one[0],
+        one[0],
+        one[0],
+    )
     slope = np.array([-push * math.sqrt(one[0, 0])])
-    number = parameters_of(Posterior(fit, np.zeros((1, 1)), one, slope), effect, "a")[effect.parameter]
-    expected = -math.log(0.05) / 300.0 if push == 300.0 else float(truncnorm(push, math.inf).isf(0.05)) - push
+    number = parameters_of(Posterior(fit, np.zeros((1, 1)), one, slope), effect, "a")[
+        effect.parameter
+    ]
+    expected = (
+        -math.log(0.05) / 300.0
+        if push == 300.0
+        else float(truncnorm(push, math.inf).isf(0.05)) - push
+    )
     law = 1.645 / 1.96 * 0.01 * abs(number.value)
     assert number.at_limit == "low"
     assert number.high - number.value == pytest.approx(math.hypot(0.005 * expected, law), rel=1e-3)

@@ -1,4 +1,6 @@
-"""A log beside its simulation: why others have none, which samples count, and the numbers that are kept of it."""
+"""A log beside its simulation: why others have none, which samples count, and the numbers that
+are kept of it.
+"""
 
 import math
 from functools import cache
@@ -38,7 +40,9 @@ WHOLE = 1e-6
 """The trapezoidal books of a simulation close to this share of the line's energy."""
 
 BY_SAMPLES = 5e-4
-"""Energies from the samples alone differ from those of every step by less than this share of the line's energy."""
+"""Energies from the samples alone differ from those of every step by less than this share of the
+line's energy.
+"""
 
 
 @cache
@@ -57,7 +61,7 @@ def changed(**fields: object) -> Reduction:
     return msgspec.structs.replace(reduction, run=msgspec.structs.replace(reduction.run, **fields))
 
 
-# ------------------------------------------------------------------------------------------------------ what is left out
+# ------------------------------------------------------------------------------- what is left out
 def test_a_rig_a_motion_and_cycles_that_cannot_be_simulated_have_a_reason() -> None:
     loaded = reduced("18 ohm")
     assert "the load of the log is not known" in str(simulated_log(changed(load=None)))
@@ -71,7 +75,7 @@ def test_a_rig_a_motion_and_cycles_that_cannot_be_simulated_have_a_reason() -> N
     assert "no complete cycle" in str(simulated_log(msgspec.structs.replace(loaded, cycles=cycles)))
 
 
-# ----------------------------------------------------------------------------------------------------- what is compared
+# ------------------------------------------------------------------------------- what is compared
 def test_payouts_end_with_braking_where_the_clutch_is_to_drive_the_generator() -> None:
     found, samples, t = comparison(), sample_table(comparison()), comparison().run.t
     for c in found.cycles:
@@ -105,7 +109,7 @@ def test_of_a_long_log_the_first_complete_cycles_are_compared() -> None:
     assert found.run.t[-1] - found.run.t[0] <= (LONGEST + 0.5) * scale_of(found.run).time
 
 
-# ----------------------------------------------------------------------------------------------------------- the curves
+# ------------------------------------------------------------------------------------- the curves
 def binned_over(rows: list[int], x: Signal, y: Signal, least: float = 0.0) -> Signal:
     """Means of y in bins of x, one sample after the other."""
     width = max(least, float(np.ptp(x[rows])) / BINS)
@@ -114,7 +118,9 @@ def binned_over(rows: list[int], x: Signal, y: Signal, least: float = 0.0) -> Si
 
 @pytest.mark.parametrize("side", [0, 1])
 def test_curves_are_means_of_the_samples_of_a_bin_or_ratios_of_these(side: int) -> None:
-    """P_mech and P_gen are without what rotor, shaft and capacitor store, with the numbers of the paper's rig."""
+    """P_mech and P_gen are without what rotor, shaft and capacitor store, with the numbers of
+    the paper's rig.
+    """
     c, curves = comparison(), account().curves
     run = (c.run, c.simulation.run)[side]
     x, v, z = run.channels, c.run.channels["velocity"], c.run.channels["displacement"]
@@ -124,7 +130,8 @@ def test_curves_are_means_of_the_samples_of_a_bin_or_ratios_of_these(side: int) 
     out, back = (np.flatnonzero(sample_table(c)[name]).tolist() for name in ("payout", "haul_in"))
     rows, rpm = before_braking(c), v / 0.13 * 50.0 * 30.0 / math.pi
     mech, gen, vdc, idc = (
-        binned_over(rows, rpm, y, 100.0) for y in (taken, power + stored["capacitor"], x["vdc"], x["idc"])
+        binned_over(rows, rpm, y, 100.0)
+        for y in (taken, power + stored["capacitor"], x["vdc"], x["idc"])
     )
     expected = {
         "torque_nm": binned_over(rows, rpm, x["torque"], 100.0),
@@ -138,11 +145,17 @@ def test_curves_are_means_of_the_samples_of_a_bin_or_ratios_of_these(side: int) 
     }  # fmt: skip
     assert set(expected) == set(CURVES)
     for name, values in expected.items():
-        assert (curves[name].log, curves[name].simulated)[side] == pytest.approx(list(values), rel=KEPT), name
-    assert curves["torque_nm"].x == pytest.approx(list(binned_over(rows, rpm, rpm, 100.0)), rel=KEPT)
+        assert (curves[name].log, curves[name].simulated)[side] == pytest.approx(
+            list(values), rel=KEPT
+        ), name
+    assert curves["torque_nm"].x == pytest.approx(
+        list(binned_over(rows, rpm, rpm, 100.0)), rel=KEPT
+    )
 
 
-def test_differences_are_log_minus_simulation_and_an_open_circuit_has_none_that_needs_a_current() -> None:
+def test_differences_are_log_minus_simulation_and_an_open_circuit_has_none_that_needs_a_current() -> (
+    None
+):
     found = account("open circuit")
     assert set(found.curves) == {"pressure_kgcm2", HAUL_IN, "force_n", "vdc_v"}
     assert set(found.differences) == {"vdc", "pressure", "force"}
@@ -152,7 +165,9 @@ def test_differences_are_log_minus_simulation_and_an_open_circuit_has_none_that_
     for name, one in account().differences.items():
         unit = KGCM2 if name == "pressure" else 1.0
         apart = (c.run.channels[name] - c.simulation.run.channels[name])[payout] / unit
-        assert (one.bias, one.rms) == pytest.approx((apart.mean(), math.sqrt((apart @ apart) / apart.size)))
+        assert (one.bias, one.rms) == pytest.approx(
+            (apart.mean(), math.sqrt((apart @ apart) / apart.size))
+        )
 
 
 @pytest.mark.parametrize("name", LOGS)
@@ -162,7 +177,7 @@ def test_what_is_kept_is_small_and_comes_back_from_json(name: str) -> None:
     assert msgspec.json.decode(content, type=Account) == account(name)
 
 
-# ------------------------------------------------------------------------------------------------------ the loss budget
+# -------------------------------------------------------------------------------- the loss budget
 @pytest.mark.parametrize("name", LOGS)
 def test_the_loss_budget_sums_to_the_lines_energy(name: str) -> None:
     budget = account(name).budget
@@ -193,10 +208,14 @@ def test_the_parts_of_the_budget_are_the_powers_of_the_simulation() -> None:
         "mesh": 0.05 * x["torque"] * omega / 50.0,
     }
     for name, watt in expected.items():
-        assert budget.groups[name] == pytest.approx(energy(c, watt), abs=BY_SAMPLES * budget.line), name
+        assert budget.groups[name] == pytest.approx(
+            energy(c, watt), abs=BY_SAMPLES * budget.line
+        ), name
     assert budget.line == pytest.approx(energy(c, x["force"] * v), rel=2 * BY_SAMPLES)
     assert budget.mech == pytest.approx(energy(c, x["torque"] * v / 0.13), rel=2 * BY_SAMPLES)
-    assert budget.log["mech"] == pytest.approx(energy(c, c.run.channels["torque"] * v / 0.13), rel=2 * BY_SAMPLES)
+    assert budget.log["mech"] == pytest.approx(
+        energy(c, c.run.channels["torque"] * v / 0.13), rel=2 * BY_SAMPLES
+    )
     ends = [cycle.window.cutoff for cycle in c.cycles]
     v_end, omega_end = np.interp(ends, c.run.t, v), np.interp(ends, c.run.t, omega)
     drum, rotor = np.mean(0.5 * 0.3 * (v_end / 0.13) ** 2), np.mean(0.5 * 626e-6 * omega_end**2)

@@ -79,17 +79,24 @@ def test_every_log_has_zeros_of_its_own() -> None:
 
 
 def test_a_channel_that_is_not_logged_has_no_errors() -> None:
-    bare = [msgspec.structs.replace(run, channels={"velocity": run.channels["velocity"]}) for run in RUNS]
+    bare = [
+        msgspec.structs.replace(run, channels={"velocity": run.channels["velocity"]})
+        for run in RUNS
+    ]
     assert {n.kind for n in nuisances(RIG, bare, SCALES)} == {"rig", "law", "load"}
 
 
 def test_makers_limits_serve_where_nothing_was_calibrated_in_place() -> None:
     assert sensor_errors(None) == (0.0, 0.0)
     limits = Sensor(unit="N", high=2000.0, accuracy_full_scale=0.002, accuracy_reading=0.005)
-    assert sensor_errors(limits) == pytest.approx((math.hypot(0.005, 0.002) / math.sqrt(3.0), 4.0 / math.sqrt(3.0)))
+    assert sensor_errors(limits) == pytest.approx(
+        (math.hypot(0.005, 0.002) / math.sqrt(3.0), 4.0 / math.sqrt(3.0))
+    )
     below = Sensor(unit="N", low=-500.0, high=0.0, accuracy_full_scale=0.002)
     assert sensor_errors(below) == pytest.approx((0.002 / math.sqrt(3.0), 1.0 / math.sqrt(3.0)))
-    assert sensor_errors(msgspec.structs.replace(limits, u_gain=0.001)) == pytest.approx((0.001, 4.0 / math.sqrt(3.0)))
+    assert sensor_errors(msgspec.structs.replace(limits, u_gain=0.001)) == pytest.approx(
+        (0.001, 4.0 / math.sqrt(3.0))
+    )
 
 
 def test_a_nuisance_moves_its_number_of_the_model_as_another_rig_file_would() -> None:
@@ -97,7 +104,9 @@ def test_a_nuisance_moves_its_number_of_the_model_as_another_rig_file_would() ->
     for n in NUISANCES:
         if n.kind == "rig":
             stated = getattr(getattr(RIG, n.section), n.name)
-            other = with_quantity(RIG, n.section, n.name, msgspec.structs.replace(stated, value=stated.value + n.sd))
+            other = with_quantity(
+                RIG, n.section, n.name, msgspec.structs.replace(stated, value=stated.value + n.sd)
+            )
             moved, exact = n.apply(nominal, n.sd), baseline(other)
             assert number_of(moved, n.path) == pytest.approx(number_of(exact, n.path), rel=1e-12), n
             assert moved != nominal
@@ -105,5 +114,11 @@ def test_a_nuisance_moves_its_number_of_the_model_as_another_rig_file_would() ->
 
 def test_a_nuisance_has_a_name_for_reports() -> None:
     names = [str(n) for n in NUISANCES]
-    assert {"k_e", "load of 18 ohm", "gain of force", "timing of vdc", "zero of idc in log 4"} <= set(names)
+    assert {
+        "k_e",
+        "load of 18 ohm",
+        "gain of force",
+        "timing of vdc",
+        "zero of idc in log 4",
+    } <= set(names)
     assert len(set(names)) == len(names)

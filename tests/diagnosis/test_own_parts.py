@@ -1,4 +1,6 @@
-"""Diagnosis, calibration and files of rigs without gas, and of a machine on the shaft of the drum, from simulated campaigns."""
+"""Diagnosis, calibration and files of rigs without gas, and of a machine on the shaft of the
+drum, from simulated campaigns.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,9 @@ def found(kind: str, shaft: str, effects: Effects) -> ModelDiagnosis:
         ("none", "direct", "ke_shift.k_e_change", -0.03),
     ],
 )
-def test_a_hidden_effect_is_named_alone_with_its_size(kind: str, shaft: str, effect: str, value: float) -> None:
+def test_a_hidden_effect_is_named_alone_with_its_size(
+    kind: str, shaft: str, effect: str, value: float
+) -> None:
     name, _, field = effect.partition(".")
     result = found(kind, shaft, {name: {field: value}})
     assert result.verdict == "explained"
@@ -57,8 +61,12 @@ def test_a_hidden_effect_is_named_alone_with_its_size(kind: str, shaft: str, eff
     assert reported.low < expected < reported.high
 
 
-@pytest.mark.parametrize(("kind", "shaft"), [("spring", "direct"), ("counterweight", "geared"), ("none", "direct")])
-def test_a_campaign_without_an_effect_has_no_gap_and_misses_no_pressure(kind: str, shaft: str) -> None:
+@pytest.mark.parametrize(
+    ("kind", "shaft"), [("spring", "direct"), ("counterweight", "geared"), ("none", "direct")]
+)
+def test_a_campaign_without_an_effect_has_no_gap_and_misses_no_pressure(
+    kind: str, shaft: str
+) -> None:
     result = found(kind, shaft, {})
     assert result.verdict == "no_gap"
     assert result.missing_channels == []
@@ -79,7 +87,9 @@ def test_suspects_are_effects_of_parts_that_the_rig_has(kind: str, shaft: str) -
 @pytest.mark.parametrize(
     ("kind", "shaft"), [("spring", "direct"), ("counterweight", "geared"), ("gas_screw", "direct")]
 )
-def test_a_calibration_finds_back_emf_and_damper_and_a_screw_only_where_there_is_one(kind: str, shaft: str) -> None:
+def test_a_calibration_finds_back_emf_and_damper_and_a_screw_only_where_there_is_one(
+    kind: str, shaft: str
+) -> None:
     (run,) = (run for run in own_campaign(kind, shaft, {}, cycles=2) if math.isinf(run.load or 0.0))
     rig = own_rig(kind, shaft)
     calibration = calibrate(run, rig)
@@ -91,10 +101,14 @@ def test_a_calibration_finds_back_emf_and_damper_and_a_screw_only_where_there_is
         assert new[name].u < 0.15 * stated.value
 
 
-def test_a_corrected_file_states_the_mass_that_the_logs_fit_and_the_commands_take_it(tmp_path: Path) -> None:
+def test_a_corrected_file_states_the_mass_that_the_logs_fit_and_the_commands_take_it(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "rig.toml").write_text(own_text("counterweight", "direct"), encoding="utf-8")
     entries = ['title = "own"', 'rig = "rig.toml"']
-    for run in own_campaign("counterweight", "direct", {"counterweight": {"mass_change": 0.25}}, cycles=2):
+    for run in own_campaign(
+        "counterweight", "direct", {"counterweight": {"mass_change": 0.25}}, cycles=2
+    ):
         write_simulated(run, tmp_path / run.name)
         entries += ["[[run]]", f'file = "{run.name}"', f"load_ohm = {run.load}"]
     (tmp_path / "campaign.toml").write_text("\n".join(entries) + "\n", encoding="utf-8")
@@ -115,11 +129,24 @@ def test_a_corrected_file_states_the_mass_that_the_logs_fit_and_the_commands_tak
     assert [one["kind"] for one in json.loads(reduced.out)["quality"]] == []
 
 
-def test_an_effect_of_a_part_that_the_rig_has_not_is_rejected_not_ignored(fixtures: Path, tmp_path: Path) -> None:
+def test_an_effect_of_a_part_that_the_rig_has_not_is_rejected_not_ignored(
+    fixtures: Path, tmp_path: Path
+) -> None:
     rig, log = tmp_path / "rig.toml", fixtures / "campaign" / "r9ohm.csv"
     rig.write_text(own_text("none", "direct"), encoding="utf-8")
     for effect in ("gas_volume.volume_extra=0.001", "gear_mesh_loss.efficiency_change=-0.02"):
-        done = call("simulate", log, "--load-ohm", "9", "--rig", rig, "--with", effect, "--out", tmp_path / "out.csv")
+        done = call(
+            "simulate",
+            log,
+            "--load-ohm",
+            "9",
+            "--rig",
+            rig,
+            "--with",
+            effect,
+            "--out",
+            tmp_path / "out.csv",
+        )
         assert done.code == 2
         assert effect.partition(".")[0] in done.err
     stated = own_text("spring") + "[effects.seal_friction]\nforce = 100\n"
@@ -127,12 +154,14 @@ def test_an_effect_of_a_part_that_the_rig_has_not_is_rejected_not_ignored(fixtur
         stated_effects(parse_rig(stated, "mine.toml"))
 
 
-# ------------------------------------------------------------------------------------------------------ based on another rig
+# --------------------------------------------------------------------------- based on another rig
 BASED = 'based_on = "hsu2026"\nname = "my rig"\n[winch]\nr_drum = { value = 150, unit = "mm" }\n'
 
 
 @pytest.mark.slow
-def test_a_rig_file_that_states_a_drum_radius_alone_serves_every_command(fixtures: Path, tmp_path: Path) -> None:
+def test_a_rig_file_that_states_a_drum_radius_alone_serves_every_command(
+    fixtures: Path, tmp_path: Path
+) -> None:
     rig, entries = tmp_path / "rig.toml", ['title = "mine"', 'rig = "rig.toml"']
     rig.write_text(BASED, encoding="utf-8")
     for name, load in (("open_circuit", "inf"), ("r36ohm", "36"), ("r9ohm", "9")):
@@ -152,13 +181,19 @@ def test_a_rig_file_that_states_a_drum_radius_alone_serves_every_command(fixture
         assert 'based_on = "hsu2026"' in written.read_text()
         assert load_rig(written).r_drum == 0.15
         assert load_rig(written).drivetrain.gear_ratio == load_rig("hsu2026").drivetrain.gear_ratio
-    reduced = json.loads(patient("reduce", tmp_path / "r36ohm.csv", "--rig", calibrated, "--json", "-").out)
+    reduced = json.loads(
+        patient("reduce", tmp_path / "r36ohm.csv", "--rig", calibrated, "--json", "-").out
+    )
     assert reduced["rig"]["name"] == "my rig"
 
 
-def test_a_rig_file_without_the_rig_below_names_what_it_lacks_and_based_on(fixtures: Path, tmp_path: Path) -> None:
+def test_a_rig_file_without_the_rig_below_names_what_it_lacks_and_based_on(
+    fixtures: Path, tmp_path: Path
+) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text(BASED.partition("\n")[2], encoding="utf-8")
     done = patient("diagnose", fixtures / "campaign", "--rig", rig)
     assert done.code == 2
-    assert all(word in done.err for word in ("based_on", "gear_ratio", "p_precharge", "counterweight"))
+    assert all(
+        word in done.err for word in ("based_on", "gear_ratio", "p_precharge", "counterweight")
+    )

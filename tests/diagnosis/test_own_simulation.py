@@ -1,4 +1,6 @@
-"""The gap between logs and a simulation of the owner: causes of the logs, and what the simulation has in another form."""
+"""The gap between logs and a simulation of the owner: causes of the logs, and what the
+simulation has in another form.
+"""
 
 from functools import cache
 from pathlib import Path
@@ -29,7 +31,8 @@ from winchcascade.rig.parts import Model
 from winchcascade.rig.simulate import simulate
 
 SUSPECTS = {
-    name: EFFECTS[name] for name in ("ke_rolloff", "copper_heating", "sync_inductance", "line_drag", "rotor_inertia")
+    name: EFFECTS[name]
+    for name in ("ke_rolloff", "copper_heating", "sync_inductance", "line_drag", "rotor_inertia")
 }
 LINE_DRAG = {"line_drag": {"b": 0.9}}
 
@@ -72,14 +75,20 @@ def test_a_simulation_of_the_same_physics_has_no_other_form() -> None:
     _, found = diagnosed("same")
     assert (as_json(found)["baseline"], as_json(found)["model_form"]) == ("own_simulation", [])
     assert "model-form" not in tables(found)
-    form = [one.parts[-2].value for one in found.contributions if one.metric == "eta_pto" and one.parts]
+    form = [
+        one.parts[-2].value for one in found.contributions if one.metric == "eta_pto" and one.parts
+    ]
     assert np.abs(form).max() < 1e-3
 
 
 def test_an_averaged_bridge_is_reported_in_the_generator_stage() -> None:
     alone, found = diagnosed("averaged")
     (form,) = as_json(found)["model_form"]
-    assert (form["stage"], form["likely"], form["phase"]) == ("generator", "averaged_bridge", "payout")
+    assert (form["stage"], form["likely"], form["phase"]) == (
+        "generator",
+        "averaged_bridge",
+        "payout",
+    )
     assert form["bias"] < 0.0
     assert abs(form["z"]) > STANDS_OUT
     (row,) = tables(found)["model-form"].cells
@@ -102,17 +111,26 @@ def test_a_simulation_leaves_a_gap_unless_it_has_the_cause_of_the_logs_with_the_
 ) -> None:
     alone = diagnosed_alone()
     runs = own(make_effect("line_drag", {"b": b}).apply(baseline(calibrated_rig())))
-    found = beside_own_simulation(alone, on_the_logs(runs, alone.runs, calibrated_rig(), [None] * len(driven())))
+    found = beside_own_simulation(
+        alone, on_the_logs(runs, alone.runs, calibrated_rig(), [None] * len(driven()))
+    )
     assert found.own_simulation is not None
     if gap:
-        assert (found.verdict, [cause.effect for cause in found.causes]) == (alone.verdict, ["line_drag"])
+        assert (found.verdict, [cause.effect for cause in found.causes]) == (
+            alone.verdict,
+            ["line_drag"],
+        )
         return
     assert (found.verdict, found.causes, found.where, found.closure) == ("no_gap", (), None, None)
     assert found.own_simulation.shared == ("line_drag",)
-    assert "line_drag" in next(note.text for note in diagnosis_report(found).notes if note.about == "Verdict")
+    assert "line_drag" in next(
+        note.text for note in diagnosis_report(found).notes if note.about == "Verdict"
+    )
     for one in found.contributions:
         if one.parts:
-            assert sum(part.value for part in one.parts) == pytest.approx(one.measured - one.as_given, abs=1e-9)
+            assert sum(part.value for part in one.parts) == pytest.approx(
+                one.measured - one.as_given, abs=1e-9
+            )
             assert "line_drag" not in {part.effect for part in one.parts}
 
 
@@ -123,7 +141,10 @@ def test_map_and_closure_are_those_of_log_minus_simulation() -> None:
     assert alone.closure is not None
     simulations = found.own_simulation.runs
     vdc = np.concatenate(
-        [log.course.blocks.mean(run.channels["vdc"]) for log, run in zip(found.data.logs, simulations, strict=True)]
+        [
+            log.course.blocks.mean(run.channels["vdc"])
+            for log, run in zip(found.data.logs, simulations, strict=True)
+        ]
     )
     assert np.allclose(found.predicted[:, 3], vdc)
     assert found.closure.channels["vdc"].before > 2.0 * alone.closure.channels["vdc"].before
@@ -133,11 +154,16 @@ def test_map_and_closure_are_those_of_log_minus_simulation() -> None:
 def test_contributions_lead_from_the_own_simulation_to_the_logs() -> None:
     alone, found = diagnosed("averaged")
     for before, one in zip(alone.contributions, found.contributions, strict=True):
-        assert [part.kind for part in one.parts] in ([], ["physical", "tolerances", "model_form", "residual"])
+        assert [part.kind for part in one.parts] in (
+            [],
+            ["physical", "tolerances", "model_form", "residual"],
+        )
         if one.parts:
             form = one.parts[-2]
             size = max(abs(one.measured), abs(one.as_given))
-            assert sum(part.value for part in one.parts) == pytest.approx(one.measured - one.as_given, abs=1e-9 * size)
+            assert sum(part.value for part in one.parts) == pytest.approx(
+                one.measured - one.as_given, abs=1e-9 * size
+            )
             assert form.value == pytest.approx(before.as_given - one.as_given)
             assert one.parts[0] == before.parts[0]
 
@@ -150,15 +176,21 @@ def test_predictions_before_are_those_of_the_own_simulation(tmp_path: Path) -> N
     write_predictions(found, tmp_path)  # its own files are replaced
     for k in found.closure.predictions:
         run, own_run = found.runs[k], found.own_simulation.runs[k]
-        before = read_run(tmp_path / "before" / f"{run.name.rpartition('.')[0] or run.name}.csv", load=run.load)
-        np.testing.assert_allclose(before.channels["vdc"], own_run.channels["vdc"], rtol=1e-6, atol=1e-6)
+        before = read_run(
+            tmp_path / "before" / f"{run.name.rpartition('.')[0] or run.name}.csv", load=run.load
+        )
+        np.testing.assert_allclose(
+            before.channels["vdc"], own_run.channels["vdc"], rtol=1e-6, atol=1e-6
+        )
 
 
-# --------------------------------------------------------------------------------------------- at the stamps of the logs
+# ---------------------------------------------------------------------- at the stamps of the logs
 WHOLE = slice(None)
 
 INTERPOLATED = 0.003
-"""Share of the maximum of a channel by which straight lines between samples at 25 Hz may deviate."""
+"""Share of the maximum of a channel by which straight lines between samples at 25 Hz may
+deviate.
+"""
 
 
 @pytest.fixture(scope="module")
@@ -170,15 +202,23 @@ def simulation() -> Run:
 def moved(run: Run, t: Signal, *, late: float = 0.0) -> Run:
     """A run at other stamps, on a clock that is ahead by so much."""
     channels = {name: np.interp(t, run.t, x) for name, x in run.channels.items()}
-    return msgspec.structs.replace(run, t=t + late, channels=channels, samples=t.size, fs=1.0 / float(t[1] - t[0]))
+    return msgspec.structs.replace(
+        run, t=t + late, channels=channels, samples=t.size, fs=1.0 / float(t[1] - t[0])
+    )
 
 
 def faster(run: Run, by: float) -> Run:
-    return msgspec.structs.replace(run, channels={**run.channels, "velocity": (1.0 + by) * run.channels["velocity"]})
+    return msgspec.structs.replace(
+        run, channels={**run.channels, "velocity": (1.0 + by) * run.channels["velocity"]}
+    )
 
 
-@pytest.mark.parametrize(("rate", "late"), [(None, 0.0), (10.0, 0.0), (25.0, 7.31), (200.0, -3.7), (60.0, 1e5)])
-def test_any_rate_and_clock_are_brought_to_the_log(simulation: Run, rate: float | None, late: float) -> None:
+@pytest.mark.parametrize(
+    ("rate", "late"), [(None, 0.0), (10.0, 0.0), (25.0, 7.31), (200.0, -3.7), (60.0, 1e5)]
+)
+def test_any_rate_and_clock_are_brought_to_the_log(
+    simulation: Run, rate: float | None, late: float
+) -> None:
     log = driven()[1]
     t = simulation.t if rate is None else np.arange(simulation.t[0], simulation.t[-1], 1.0 / rate)
     found = onto_log(moved(simulation, t, late=late), log, WHOLE)
@@ -187,16 +227,22 @@ def test_any_rate_and_clock_are_brought_to_the_log(simulation: Run, rate: float 
     inside, allowed = log.t < t[-1], 0.0 if rate is None else INTERPOLATED
     for name in ("pressure", "torque", "vdc"):
         x = simulation.channels[name]
-        assert np.sqrt(np.mean((found.channels[name] - x)[inside] ** 2)) <= allowed * np.max(np.abs(x))
+        assert np.sqrt(np.mean((found.channels[name] - x)[inside] ** 2)) <= allowed * np.max(
+            np.abs(x)
+        )
 
 
 def test_another_motion_is_rejected_with_its_difference(simulation: Run) -> None:
-    with pytest.raises(LogError, match=r"differ by 3 % rms after a shift of 0 s; expected 1 % at most"):
+    with pytest.raises(
+        LogError, match=r"differ by 3 % rms after a shift of 0 s; expected 1 % at most"
+    ):
         onto_log(faster(simulation, 0.03), driven()[1], WHOLE)
     assert onto_log(faster(simulation, 0.8 * SAME), driven()[1], WHOLE).samples
 
 
-def test_a_simulation_that_ends_before_the_log_is_rejected_unless_those_cycles_do_not_count(simulation: Run) -> None:
+def test_a_simulation_that_ends_before_the_log_is_rejected_unless_those_cycles_do_not_count(
+    simulation: Run,
+) -> None:
     log, short = driven()[1], simulation.t[simulation.t < 12.0]
     with pytest.raises(LogError, match="another line motion"):
         onto_log(moved(simulation, short), log, WHOLE)

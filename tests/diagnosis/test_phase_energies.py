@@ -1,4 +1,6 @@
-"""Energies by phase: the uncertainty of what a fit leaves of them, and the alarms that compare them all together."""
+"""Energies by phase: the uncertainty of what a fit leaves of them, and the alarms that compare
+them all together.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +12,19 @@ import numpy as np
 import pytest
 from diagnosed import LOGS, PLANTED, diagnosed
 
-from winchcascade.diagnosis.diagnosis_result import Alarm, Contribution, ContributionPart, Spot, StageEnergy
+from winchcascade.diagnosis.diagnosis_result import (
+    Alarm,
+    Contribution,
+    ContributionPart,
+    Spot,
+    StageEnergy,
+)
 from winchcascade.diagnosis.judge.alarms import STAGES_OF, largest_of, left_over, unbalanced
 from winchcascade.diagnosis.verdict_limits import FALSE_ALARM
 
 CALIBRATED = 1.3
-"""Maximum root mean square of 14 correlated differences in their uncertainties; rigs that follow the model exactly leave less
-than others. [1]"""
+"""Maximum root mean square of 14 correlated differences in their uncertainties; rigs that follow
+the model exactly leave less than others. [1]"""
 
 RUNS = 20_000
 """Number of campaigns that are drawn."""
@@ -74,12 +82,20 @@ def test_one_energy_beyond_the_limit_rings_and_one_within_it_does_not() -> None:
 
 
 @pytest.mark.parametrize(("residual", "rings"), [(0.2, True), (0.05, False)])
-def test_a_residual_of_an_efficiency_rings_beyond_its_uncertainty(residual: float, rings: bool) -> None:
-    """Both energies are known to 1 %; of one efficiency the limit is wide, as so few differences tell of their scatter."""
+def test_a_residual_of_an_efficiency_rings_beyond_its_uncertainty(
+    residual: float, rings: bool
+) -> None:
+    """Both energies are known to 1 %; of one efficiency the limit is wide, as so few differences
+    tell of their scatter.
+    """
     relevant = diagnosed("nothing").data.rig.model
-    energies = [msgspec.structs.replace(energy(0.0), stage=stage, u=0.001) for stage in ("line", "gen")]
+    energies = [
+        msgspec.structs.replace(energy(0.0), stage=stage, u=0.001) for stage in ("line", "gen")
+    ]
     part = ContributionPart(None, "residual", residual, math.nan, math.nan)
-    window = [Contribution(0, 9.0, f"energy_{stage}", 100.0, 100.0, ()) for stage in ("line", "gen")]
+    window = [
+        Contribution(0, 9.0, f"energy_{stage}", 100.0, 100.0, ()) for stage in ("line", "gen")
+    ]
     of = Contribution(0, 9.0, "eta_pto", 0.5, 0.5, (part,))
     within = largest_of(1) * 0.5 * math.hypot(1e-5, 1e-5)
     accuracy = msgspec.structs.replace(relevant, relevant_efficiency=0.1 - within)

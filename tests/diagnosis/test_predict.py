@@ -27,7 +27,9 @@ OF_THE_LINE = {
 """Numbers on which the solution of the shaft does not depend, at a load."""
 
 COARSELY = 2e-3
-"""A step of 1 ms and solutions kept every 10 ms move a block by less than this share of the channel's plateau."""
+"""A step of 1 ms and solutions kept every 10 ms move a block by less than this share of the
+channel's plateau.
+"""
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +59,9 @@ def numbers(course: Course) -> Constants:
 def test_a_change_at_the_line_keeps_the_solution_of_the_shaft_and_any_other_solves_it_anew(
     course: Course, path: str
 ) -> None:
-    assert (course.shaft(other(course, path)) is course.shaft(numbers(course))) == (path in OF_THE_LINE)
+    assert (course.shaft(other(course, path)) is course.shaft(numbers(course))) == (
+        path in OF_THE_LINE
+    )
 
 
 def test_the_solution_that_was_used_longest_ago_goes_first(run: Run) -> None:

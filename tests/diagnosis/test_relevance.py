@@ -20,19 +20,34 @@ RIG = calibrated_rig()
 
 
 def diagnosed(share: float) -> ModelDiagnosis:
-    """A drag of 0.05 N m s/rad in logs without noise, with so much of a channel's level called relevant."""
+    """A drag of 0.05 N m s/rad in logs without noise, with so much of a channel's level called
+    relevant.
+    """
     model = make_effect("line_drag", {"b": 0.25}).apply(baseline(RIG))
-    accuracy = msgspec.structs.replace(RIG.model, relevant_share=share, relevant_efficiency=share, discrepancy=1e-4)
+    accuracy = msgspec.structs.replace(
+        RIG.model, relevant_share=share, relevant_efficiency=share, discrepancy=1e-4
+    )
     rig = msgspec.structs.replace(RIG, model=accuracy)
     runs = [simulate(motion_run(load=load, cycles=2), model).run for load in (9.0, 36.0)]
-    return diagnose(runs, rig, {name: EFFECTS[name] for name in ("line_drag", "line_friction", "torque_gain")})
+    return diagnose(
+        runs, rig, {name: EFFECTS[name] for name in ("line_drag", "line_friction", "torque_gain")}
+    )
 
 
 def test_a_cause_is_minor_where_it_changes_less_than_what_is_called_relevant() -> None:
     large, small = diagnosed(1e-4), diagnosed(0.2)
-    assert ([cause.effect for cause in large.causes], large.verdict, large.minor) == (["line_drag"], "explained", ())
+    assert ([cause.effect for cause in large.causes], large.verdict, large.minor) == (
+        ["line_drag"],
+        "explained",
+        (),
+    )
     (minor,) = small.minor
-    assert (minor.effect, small.verdict, small.causes, small.unnamed) == ("line_drag", "no_gap", (), [])
+    assert (minor.effect, small.verdict, small.causes, small.unnamed) == (
+        "line_drag",
+        "no_gap",
+        (),
+        [],
+    )
     assert 0.0 < abs(minor.largest.change) < 0.2
     assert minor.largest.load in (9.0, 36.0)
     assert all(part.effect is None for one in small.contributions for part in one.parts)

@@ -1,4 +1,6 @@
-"""A search ends at its best set: it leaves a set beside it, prefers fewer causes that predict better, and takes any bounds."""
+"""A search ends at its best set: it leaves a set beside it, prefers fewer causes that predict
+better, and takes any bounds.
+"""
 
 import math
 from collections.abc import Sequence
@@ -35,13 +37,17 @@ from winchcascade.rig.effects.effect import ActiveEffect, Display
 ROWS = 400
 
 PAIR, TRUE, HIDDEN = ("current_gain", "voltage_gain"), ("line_drag", "torque_gain"), "torque_gain"
-"""Two suspects that imitate two others, these, and the one that shows beyond a threshold alone: no derivative finds it."""
+"""Two suspects that imitate two others, these, and the one that shows beyond a threshold alone:
+no derivative finds it.
+"""
 
 NAMES = tuple(sorted((*PAIR, *TRUE)))
 
 
 class Hidden:
-    """Numbers of unit noise that two suspects move, one of them beyond a threshold, and two others nearly as much."""
+    """Numbers of unit noise that two suspects move, one of them beyond a threshold, and two
+    others nearly as much.
+    """
 
     def __init__(self) -> None:
         rng = np.random.default_rng(0)
@@ -76,7 +82,9 @@ class Hidden:
     def nuisances(self) -> int:
         return 0
 
-    def residuals(self, several: Sequence[Sequence[ActiveEffect]], _nu: Signal, _near: object = None) -> Signal:
+    def residuals(
+        self, several: Sequence[Sequence[ActiveEffect]], _nu: Signal, _near: object = None
+    ) -> Signal:
         z = np.empty((ROWS, len(several)))
         for column, effects in enumerate(several):
             values = {one.effect.name: one.values[0] for one in effects}
@@ -93,7 +101,7 @@ def hidden() -> Found:
     return search(Hidden())
 
 
-# --------------------------------------------------------------------------------------------------------- the best set
+# ----------------------------------------------------------------------------------- the best set
 def test_a_search_ends_at_the_best_set_though_no_derivative_leads_there_from_none() -> None:
     assert hidden().best.names == TRUE
 
@@ -132,7 +140,7 @@ def test_a_set_that_is_rejected_is_not_the_best_again() -> None:
     assert gone_on(rejected).best.names != TRUE
 
 
-# --------------------------------------------------------------------------------------------------------- held-out logs
+# ---------------------------------------------------------------------------------- held-out logs
 GEAR, IMITATION = "gear_mesh_loss", ("line_drag", "rotor_friction")
 
 
@@ -150,11 +158,15 @@ def test_fewer_causes_win_that_close_more_on_held_out_logs() -> None:
     data, found = gear_loss()
     kept = predicting_best(found, HeldOut(data, 0))
     assert kept.best.names == (GEAR,)
-    assert not kept.allowed(IMITATION) or kept.evidence.worth(kept.fits[IMITATION]) < kept.evidence.worth(kept.best)
+    assert not kept.allowed(IMITATION) or kept.evidence.worth(
+        kept.fits[IMITATION]
+    ) < kept.evidence.worth(kept.best)
 
 
 ONE_STEP = 0.2
-"""Standard uncertainties by which one step may end beside a fit, as the model is not linear and the loss not quadratic."""
+"""Standard uncertainties by which one step may end beside a fit, as the model is not linear and
+the loss not quadratic.
+"""
 
 
 def test_a_log_is_held_out_as_a_fit_without_it_does() -> None:
@@ -166,7 +178,9 @@ def test_a_log_is_held_out_as_a_fit_without_it_does() -> None:
         rows[data.rows[k]] = 0.0
         problem = RigProblem(data, found.problem.suspects, rows.ravel())
         fit = fit_set(problem, led.marginal.masked(rows.ravel()), (GEAR,), {GEAR: led.best.x})
-        assert foreseen.x[0] == pytest.approx(fit.x[0], abs=ONE_STEP / math.sqrt(float(fit.curve[0, 0])))
+        assert foreseen.x[0] == pytest.approx(
+            fit.x[0], abs=ONE_STEP / math.sqrt(float(fit.curve[0, 0]))
+        )
 
 
 def test_no_verdict_is_explained_with_a_cause_that_is_likely_another() -> None:
@@ -176,26 +190,32 @@ def test_no_verdict_is_explained_with_a_cause_that_is_likely_another() -> None:
     doubted = judged(msgspec.structs.replace(found, causes=causes), lambda _: None)
     assert doubted.verdict == "partly_explained"
     assert doubted.remainder is not None
-    assert [(alarm.kind, alarm.size, alarm.limit) for alarm in doubted.remainder.alarms] == [("improbable", 0.7, 0.5)]
+    assert [(alarm.kind, alarm.size, alarm.limit) for alarm in doubted.remainder.alarms] == [
+        ("improbable", 0.7, 0.5)
+    ]
     assert all(one.size <= one.limit for one in improbable(found.causes))
     assert len(found.singles) == 3
     assert found.singles[0].effect in {"copper_heating", "diode_drop"}
     assert found.singles[0].closure > 0.9
 
 
-# ------------------------------------------------------------------------------------------------------ priors and bounds
+# ------------------------------------------------------------------------------ priors and bounds
 @pytest.mark.parametrize("pull", [0.0, 0.4, 3.0])
 @pytest.mark.parametrize("low", [0.0, -0.5, -math.inf])
 def test_the_mass_of_a_normal_ends_at_its_bounds(pull: float, low: float) -> None:
     spread, high = 0.7, 2.0
     whole = quad(lambda t: math.exp(-pull * t - 0.5 * (t / spread) ** 2), max(low, -20.0), high)[0]
-    mass = float(log_mass(np.array([low]), np.array([high]), np.array([pull]), np.array([spread]))[0])
+    mass = float(
+        log_mass(np.array([low]), np.array([high]), np.array([pull]), np.array([spread]))[0]
+    )
     assert mass == pytest.approx(math.log(whole / (spread * math.sqrt(2.0 * math.pi))), abs=1e-6)
 
 
 @pytest.mark.parametrize("pull", [0.0, 0.5, 5.0])
 def test_the_mean_square_beyond_a_bound_is_that_of_a_normal_that_is_cut_off(pull: float) -> None:
-    top, whole = (quad(lambda t, n=n: t**n * math.exp(-pull * t - 0.5 * t**2), 0.0, 40.0)[0] for n in (2, 0))
+    top, whole = (
+        quad(lambda t, n=n: t**n * math.exp(-pull * t - 0.5 * t**2), 0.0, 40.0)[0] for n in (2, 0)
+    )
     assert square_beyond(pull) == pytest.approx(top / whole, rel=1e-6)
 
 
@@ -209,7 +229,9 @@ class OneSided(Hidden):
 
 
 @pytest.mark.parametrize("strength", [0.0, 0.03, -0.05, 0.2])
-def test_the_evidence_of_a_field_that_is_never_negative_is_by_a_prior_of_one_side(strength: float) -> None:
+def test_the_evidence_of_a_field_that_is_never_negative_is_by_a_prior_of_one_side(
+    strength: float,
+) -> None:
     problem = OneSided(strength)
     marginal = marginal_about(problem, [], np.zeros(0))
     fits = [fit_set(problem, marginal, names) for names in (("line_drag",), ())]
@@ -231,13 +253,18 @@ def test_a_minimum_is_found_within_bounds_that_are_infinite(seed: int) -> None:
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(6, 5))
     curve, slope = root.T @ root + 0.1 * np.eye(5), 3.0 * rng.normal(size=5)
-    low, high = np.array([0.0, -0.1, 0.0, -math.inf, 0.0]), np.array([math.inf, math.inf, 0.2, 0.1, math.inf])
+    low, high = (
+        np.array([0.0, -0.1, 0.0, -math.inf, 0.0]),
+        np.array([math.inf, math.inf, 0.2, 0.1, math.inf]),
+    )
     best = minimum_within(curve, slope, low, high)
     assert np.all((best >= low) & (best <= high))
     wide = minimum_within(curve, slope, np.maximum(low, -1e3), np.minimum(high, 1e3))
     np.testing.assert_allclose(best, wide, atol=1e-9)
     downwards = slope - curve @ best
-    assert np.all(np.where(best <= low, downwards <= 1e-9, np.where(best >= high, downwards >= -1e-9, True)))
+    assert np.all(
+        np.where(best <= low, downwards <= 1e-9, np.where(best >= high, downwards >= -1e-9, True))
+    )
 
 
 def test_suspects_that_have_no_upper_bound_are_fitted() -> None:
@@ -245,7 +272,10 @@ def test_suspects_that_have_no_upper_bound_are_fitted() -> None:
     endless = {
         name: msgspec.structs.replace(
             effect,
-            fields=tuple(msgspec.structs.replace(f, possible=(f.possible[0], math.inf)) for f in effect.fields),
+            fields=tuple(
+                msgspec.structs.replace(f, possible=(f.possible[0], math.inf))
+                for f in effect.fields
+            ),
         )
         for name, effect in problem.suspects.items()
     }
@@ -256,13 +286,18 @@ def test_suspects_that_have_no_upper_bound_are_fitted() -> None:
     assert found.evidence.of(found.best) == pytest.approx(given.evidence.of(given.best), abs=1e-6)
 
 
-# ---------------------------------------------------------------------------------------------- what cannot be simulated
+# ----------------------------------------------------------------------- what cannot be simulated
 class Breaking(Hidden):
     """The first suspect cannot be simulated at all, and neither can the first of two nuisances."""
 
-    def residuals(self, several: Sequence[Sequence[ActiveEffect]], _nu: Signal, _near: object = None) -> Signal:
+    def residuals(
+        self, several: Sequence[Sequence[ActiveEffect]], _nu: Signal, _near: object = None
+    ) -> Signal:
         z = super().residuals(several, _nu)
-        breaks = [any(one.effect.name == NAMES[0] and one.values[0] for one in effects) for effects in several]
+        breaks = [
+            any(one.effect.name == NAMES[0] and one.values[0] for one in effects)
+            for effects in several
+        ]
         return np.where(breaks, WILD, z)
 
     @property
@@ -286,7 +321,7 @@ def test_a_number_with_which_nothing_can_be_simulated_moves_nothing() -> None:
     assert np.isfinite(found.expansion.curve).all()
 
 
-# ------------------------------------------------------------------------------------- numbers that are not determined
+# ---------------------------------------------------------------- numbers that are not determined
 def posterior(share: float) -> Posterior:
     """A posterior of the gear's loss with a share of the variance of its prior."""
     problem = OneSided(0.5)
@@ -317,7 +352,9 @@ def test_a_field_at_a_bound_of_which_the_data_tell_nothing_is_not_known() -> Non
     assert u == pytest.approx(float(problem.sd[at]))
 
 
-def test_a_number_at_its_absence_beyond_which_nothing_is_possible_is_bounded_on_the_other_side_alone() -> None:
+def test_a_number_at_its_absence_beyond_which_nothing_is_possible_is_bounded_on_the_other_side_alone() -> (
+    None
+):
     problem = OneSided(-0.05)
     found = search(problem)
     fit = fit_set(problem, found.marginal, ("line_drag",))

@@ -1,4 +1,6 @@
-"""Calibration, fit and plan of a rig in other units of nature find the same, each number times its factor."""
+"""Calibration, fit and plan of a rig in other units of nature find the same, each number times
+its factor.
+"""
 
 from functools import cache
 
@@ -9,7 +11,17 @@ from hypothesis import example, given, settings
 from openlog import estimated_rig, made_log
 from own_rigs import own_campaign, own_rig
 from rigs import calibrated_rig
-from units_of_nature import BENCH, CHANNELS, EXACTLY, NUMBERS, Nature, factor_of, natures, rig_in, run_in
+from units_of_nature import (
+    BENCH,
+    CHANNELS,
+    EXACTLY,
+    NUMBERS,
+    Nature,
+    factor_of,
+    natures,
+    rig_in,
+    run_in,
+)
 
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run
@@ -38,7 +50,9 @@ LOADS, SPEEDS, LENGTH = (9.0, 27.0), (0.3, 0.6), 10.0
 def logs_of(kind: str) -> tuple[Rig, list[Run]]:
     """A rig of a kind of restoring module, with noisy logs of a cycle each."""
     if kind == "gas_screw":
-        return calibrated_rig(), [made_log(seed=k, cycles=1, load=load) for k, load in enumerate((np.inf, 18.0, 4.5))]
+        return calibrated_rig(), [
+            made_log(seed=k, cycles=1, load=load) for k, load in enumerate((np.inf, 18.0, 4.5))
+        ]
     return own_rig(kind), own_campaign(kind, "geared", {})
 
 
@@ -57,7 +71,9 @@ def unit_of(nature: Nature, nuisance: Nuisance) -> float:
     """Factor of the standard deviation of a nuisance. [1]"""
     if nuisance.kind in ("rig", "law"):
         return factor_of(nature, nuisance)
-    return {"timing": nature.time, "zero": nature.of(CHANNELS.get(nuisance.name, ""))}.get(nuisance.kind, 1.0)
+    return {"timing": nature.time, "zero": nature.of(CHANNELS.get(nuisance.name, ""))}.get(
+        nuisance.kind, 1.0
+    )
 
 
 def assert_fits_alike(nature: Nature, one: Fitted, other: Fitted) -> None:
@@ -65,7 +81,9 @@ def assert_fits_alike(nature: Nature, one: Fitted, other: Fitted) -> None:
     assert [(n.kind, n.path, n.phase, n.log) for n in other.nuisances] == [
         (n.kind, n.path, n.phase, n.log) for n in one.nuisances
     ]
-    assert [n.sd for n in other.nuisances] == pytest.approx([unit_of(nature, n) * n.sd for n in one.nuisances])
+    assert [n.sd for n in other.nuisances] == pytest.approx(
+        [unit_of(nature, n) * n.sd for n in one.nuisances]
+    )
     for name in ("start", "stop", "phase", "cycle", "joined"):
         assert np.array_equal(getattr(one.blocks, name), getattr(other.blocks, name)), name
     assert np.array_equal(one.seen, other.seen)
@@ -100,7 +118,9 @@ def test_so_does_that_of_a_counterweight_where_gravity_stays(nature: Nature) -> 
 
 
 DIRECTIONS = 1e-3
-"""Difference of the powers of a direction that the logs do not know: those of derivatives by small steps. [1]"""
+"""Difference of the powers of a direction that the logs do not know: those of derivatives by
+small steps. [1]
+"""
 
 
 @pytest.mark.parametrize("kind", ["gas_screw", "spring"])
@@ -124,10 +144,14 @@ def test_a_calibration_finds_the_same_numbers(nature: Nature) -> None:
     for number, found in zip(one.numbers, other.numbers, strict=True):
         path = f"{number.section}.{number.name}"
         factor = factor_of(nature, Nuisance(number.name, path=path, kind="rig"))
-        assert (found.value, found.u) == pytest.approx((factor * number.value, factor * number.u), rel=EXACTLY), path
+        assert (found.value, found.u) == pytest.approx(
+            (factor * number.value, factor * number.u), rel=EXACTLY
+        ), path
     assert other.misfit == pytest.approx(one.misfit, rel=EXACTLY)
     assert other.regression.lag == pytest.approx(nature.time * one.regression.lag, rel=EXACTLY)
-    assert other.regression.rpm_min == pytest.approx(nature.rotor * one.regression.rpm_min, rel=EXACTLY)
+    assert other.regression.rpm_min == pytest.approx(
+        nature.rotor * one.regression.rpm_min, rel=EXACTLY
+    )
 
 
 @FEW
@@ -148,7 +172,9 @@ def test_a_design_has_the_same_points_and_schedule(nature: Nature) -> None:
         assert again.rpm_low == pytest.approx(nature.rotor * best.rpm_low, rel=EXACTLY)
     for repair, found_repair in zip(one.repairs, other.repairs, strict=True):
         assert found_repair.effect == repair.effect
-        assert found_repair.per_cycle.value == pytest.approx(nature.torque * repair.per_cycle.value, rel=EXACTLY)
+        assert found_repair.per_cycle.value == pytest.approx(
+            nature.torque * repair.per_cycle.value, rel=EXACTLY
+        )
 
 
 UNIT_OF = {
@@ -162,9 +188,14 @@ UNIT_OF = {
 def designed(nature: Nature) -> Design:
     """A design of a rig of two uncertain numbers and two effects."""
     speed, model = nature.length / nature.time, baseline(rig_in(nature, calibrated_rig()))
-    numbers = tuple(Parameter(name, path=f"generator.{name}", operation="scale") for name in ("r_s", "k_e"))
+    numbers = tuple(
+        Parameter(name, path=f"generator.{name}", operation="scale") for name in ("r_s", "k_e")
+    )
     drag = 0.9 * nature.of(NUMBERS["winch.drag"])
-    effects = make_effect("copper_heating", {"r_s_change": 0.4}), make_effect("line_drag", {"b": drag})
+    effects = (
+        make_effect("copper_heating", {"r_s_change": 0.4}),
+        make_effect("line_drag", {"b": drag}),
+    )
     covariance = np.diag([0.03, 0.004, 0.05, drag / 9.0]) ** 2
     border = tuple((v * speed, i * nature.ampere) for v, i in ((0.0, 0.0), (0.9, 0.0), (0.9, 10.0)))
     loads = tuple(nature.ohm * load for load in LOADS)
@@ -183,10 +214,14 @@ def test_a_planned_run_is_the_same_motion(nature: Nature) -> None:
         planned(9.0, 0.6, 10.0, 12.0, 25.0),
         planned(9.0, 0.6 * speed, 10.0 * nature.length, 12.0 * time, 25.0 / time),
     )
-    assert abs(run.t.size - other.t.size) <= 1  # the last stamp is the end of the motion, or rounded beyond it
+    assert (
+        abs(run.t.size - other.t.size) <= 1
+    )  # the last stamp is the end of the motion, or rounded beyond it
     k = min(run.t.size, other.t.size)
     assert other.t[:k] == pytest.approx(time * run.t[:k])
-    assert other.channels["velocity"][:k] == pytest.approx(speed * run.channels["velocity"][:k], abs=EXACTLY * speed)
+    assert other.channels["velocity"][:k] == pytest.approx(
+        speed * run.channels["velocity"][:k], abs=EXACTLY * speed
+    )
 
 
 @FEW
@@ -196,8 +231,12 @@ def test_a_plan_before_a_campaign_makes_the_same_runs(nature: Nature) -> None:
     speed, rig = nature.length / nature.time, calibrated_rig()
     loads, speeds = [x * nature.ohm for x in LOADS], [x * speed for x in SPEEDS]
     one = separate(before(rig, LOADS, SPEEDS, LENGTH), PAIR, EFFECTS, 2)
-    other = separate(before(rig_in(nature, rig), loads, speeds, LENGTH * nature.length), PAIR, EFFECTS, 2)
+    other = separate(
+        before(rig_in(nature, rig), loads, speeds, LENGTH * nature.length), PAIR, EFFECTS, 2
+    )
     expected = [(run.load * nature.ohm, run.speed * speed) for run in one.runs]
-    assert [(run.load, run.speed) for run in other.runs] == [pytest.approx(pair) for pair in expected]
+    assert [(run.load, run.speed) for run in other.runs] == [
+        pytest.approx(pair) for pair in expected
+    ]
     assert other.expected == pytest.approx(one.expected, rel=EXACTLY)
     assert msgspec.structs.astuple(other.runs[0])[2:] == msgspec.structs.astuple(one.runs[0])[2:]

@@ -1,4 +1,6 @@
-"""The number of a cause run by run: as refits give it, steady where the cause is, and with a trend where it changes."""
+"""The number of a cause run by run: as refits give it, steady where the cause is, and with a
+trend where it changes.
+"""
 
 import math
 from collections.abc import Sequence
@@ -31,7 +33,9 @@ ROBUST = 0.2
 
 
 def campaign(changes: Sequence[float], seed: int = 0) -> Fitted:
-    """Runs at 36, 9, 36 and 9 ohm with so much more stator resistance each, and one in open circuit."""
+    """Runs at 36, 9, 36 and 9 ohm with so much more stator resistance each, and one in open
+    circuit.
+    """
     by_load = {run.load: run for run in driven()}
     rng, made = np.random.default_rng(seed), []
     for load, change in zip((math.inf, 36.0, 9.0, 36.0, 9.0), (changes[0], *changes), strict=True):
@@ -51,16 +55,25 @@ def stability(changes: tuple[float, ...]) -> Stability:
 
 
 @pytest.mark.parametrize("changes", [STEADY, RISING])
-def test_strengths_of_the_runs_are_the_changes_that_were_planted(changes: tuple[float, ...]) -> None:
+def test_strengths_of_the_runs_are_the_changes_that_were_planted(
+    changes: tuple[float, ...],
+) -> None:
     data, found = searched(changes)
     runs, share, covariance = strengths(data, found, COPPER)
     resolved = np.diag(covariance) < 1.0
     assert runs[resolved].tolist() == [1, 2, 3, 4]
-    own, u = (share * found.best.x[0])[resolved], np.sqrt(np.diag(covariance))[resolved] * found.best.x[0]
-    np.testing.assert_array_less(np.abs(own - np.array(changes)), 3.0 * u + ROBUST * np.ptp(changes) + 0.01)
+    own, u = (
+        (share * found.best.x[0])[resolved],
+        np.sqrt(np.diag(covariance))[resolved] * found.best.x[0],
+    )
+    np.testing.assert_array_less(
+        np.abs(own - np.array(changes)), 3.0 * u + ROBUST * np.ptp(changes) + 0.01
+    )
     alone = fit_set(
         RigProblem(data, {COPPER: EFFECTS[COPPER]}),
-        marginal_about(RigProblem(data, {COPPER: EFFECTS[COPPER]}), [], np.zeros(len(data.nuisances))),
+        marginal_about(
+            RigProblem(data, {COPPER: EFFECTS[COPPER]}), [], np.zeros(len(data.nuisances))
+        ),
         (COPPER,),
     )
     assert alone.x == pytest.approx(found.best.x, rel=0.02)
@@ -111,7 +124,9 @@ def test_a_trend_that_order_and_load_explain_alike_names_both() -> None:
 
 
 def test_two_runs_have_no_trend() -> None:
-    trends, course = trends_of(np.array([1.0, 2.0]), 1e-4 * np.eye(2), {"order": np.array([0.0, 1.0])})
+    trends, course = trends_of(
+        np.array([1.0, 2.0]), 1e-4 * np.eye(2), {"order": np.array([0.0, 1.0])}
+    )
     assert trends == []
     assert course == pytest.approx([1.0, 1.0])
 
@@ -121,4 +136,6 @@ def test_a_withheld_run_gives_no_number() -> None:
     data = Fitted(runs, calibrated_rig(), withheld=[2])
     found = stabilities(data, search(RigProblem(data, {COPPER: EFFECTS[COPPER]})))[COPPER]
     assert [one.withheld for one in found.runs] == [False, False, True, False, False]
-    assert msgspec.structs.astuple(found.runs[2])[1:4] == pytest.approx((math.nan,) * 3, nan_ok=True)
+    assert msgspec.structs.astuple(found.runs[2])[1:4] == pytest.approx(
+        (math.nan,) * 3, nan_ok=True
+    )

@@ -1,5 +1,5 @@
-"""Stages of which the powers are known, a winch first: what was planted is named, what was measured explained, and
-nothing is stated with more certainty than the data have."""
+"""Stages of which the powers are known, a winch first: what was planted is named, what was measured
+explained, and nothing is stated with more certainty than the data have."""
 
 import json
 from functools import cache
@@ -54,7 +54,9 @@ CERTAIN = 0.95
 """Posterior from which a cause without a look-alike counts as certain."""
 
 SHARE, SHARE_OF_INERTIA = 0.05, 0.1
-"""Share of the energy of payouts or haul-ins from which a cause must be named, and of the power of an inertia."""
+"""Share of the energy of payouts or haul-ins from which a cause must be named, and of the power
+of an inertia.
+"""
 
 LONG = "ground_station_cycles_01_43.csv"
 
@@ -65,7 +67,11 @@ def diagnosed(seed: int, **numbers: Any) -> StageDiagnosis:
 
 
 def record_of(run: Run, **options: Any) -> Record:
-    return as_json(diagnose_stages(Entries([run] * len(options.get("cycles", [None])), **options), RIG, EFFECTS))
+    return as_json(
+        diagnose_stages(
+            Entries([run] * len(options.get("cycles", [None])), **options), RIG, EFFECTS
+        )
+    )
 
 
 def named(record: Record) -> dict[str, Record]:
@@ -91,31 +97,46 @@ def payouts(record: Record) -> list[Record]:
     return [row for row in record["energies"] if row["phase"] == "payout"]
 
 
-# ------------------------------------------------------------------------------------------------------- logs with answers
+# ------------------------------------------------------------------------------ logs with answers
 @pytest.mark.parametrize("seed", daily((0, 1, 2), (1,)))
 @pytest.mark.parametrize("numbers", PLANTED, ids=str)
-def test_what_was_planted_is_named_alone_with_its_size(numbers: dict[str, float], seed: int) -> None:
+def test_what_was_planted_is_named_alone_with_its_size(
+    numbers: dict[str, float], seed: int
+) -> None:
     truth = {TRUTH[name]: value for name, value in numbers.items() if name in TRUTH}
     record = as_json(diagnosed(seed, **numbers))
     assert named(record).keys() == truth.keys()
     assert record["verdict"] == ("explained" if truth else "no_gap")
     if not truth:
-        assert record["where"] is record["closure"] is record["remainder"] is record["next_experiment"] is None
+        assert (
+            record["where"]
+            is record["closure"]
+            is record["remainder"]
+            is record["next_experiment"]
+            is None
+        )
     for effect, value in truth.items():
         found = number(named(record)[effect])
         assert abs(found["value"] - value) < MISSED * 0.5 * (found["high"] - found["low"])
         assert 0.5 * (found["high"] - found["low"]) < 0.2 * abs(value)
         assert not named(record)[effect]["trends"]
-    assert all(abs(row["after_j"] - row["measured_j"]) < 6.0 * row["u_j"] for row in record["energies"])
+    assert all(
+        abs(row["after_j"] - row["measured_j"]) < 6.0 * row["u_j"] for row in record["energies"]
+    )
     run = planted(seed, **numbers)  # type: ignore[arg-type]
     energy = float(np.sum(run.channels["power_mech"])) / run.fs
-    assert sum(row["measured_j"] for row in record["energies"]) == pytest.approx(energy, rel=1e-2, abs=2e3)
+    assert sum(row["measured_j"] for row in record["energies"]) == pytest.approx(
+        energy, rel=1e-2, abs=2e3
+    )
 
 
 @pytest.mark.parametrize(
     ("folder", "truth"),
     [
-        ("winch_friction_and_drag", {"drum_inertia": 4445.6, "line_friction": 678.6, "line_drag": 150.2}),
+        (
+            "winch_friction_and_drag",
+            {"drum_inertia": 4445.6, "line_friction": 678.6, "line_drag": 150.2},
+        ),
         ("winch_drag_only", {"drum_inertia": 4203.0, "line_drag": 314.31}),
     ],
 )
@@ -137,7 +158,11 @@ def test_random_winches_get_their_causes_and_no_others_with_certainty(first: int
     for seed in range(first, first + 10):
         winch = random_winch(seed)
         found = named(record_of(winch.run))
-        certain = {name for name, c in found.items() if c["probability"] >= CERTAIN and not c["look_alikes"]}
+        certain = {
+            name
+            for name, c in found.items()
+            if c["probability"] >= CERTAIN and not c["look_alikes"]
+        }
         false += bool(certain - winch.numbers.keys())
         least = {"drum_inertia": SHARE_OF_INERTIA}
         large = [name for name, size in winch.size.items() if size >= least.get(name, SHARE)]
@@ -145,7 +170,9 @@ def test_random_winches_get_their_causes_and_no_others_with_certainty(first: int
         hit += sum(name in found for name in large)
         for name in found.keys() & winch.numbers.keys() if not winch.drift else ():
             intervals += 1
-            inside += number(found[name])["low"] <= winch.numbers[name] <= number(found[name])["high"]
+            inside += (
+                number(found[name])["low"] <= winch.numbers[name] <= number(found[name])["high"]
+            )
     assert false == 0
     assert hit >= 0.9 * wanted
     assert inside >= intervals - 3
@@ -153,7 +180,11 @@ def test_random_winches_get_their_causes_and_no_others_with_certainty(first: int
 
 @pytest.mark.parametrize(
     ("fitted", "judged"),
-    daily((((1, 20), (21, 43)), ((1, 10), (30, 43)), ((21, 43), (1, 20))), (((1, 20), (21, 43)),), spread=True),
+    daily(
+        (((1, 20), (21, 43)), ((1, 10), (30, 43)), ((21, 43), (1, 20))),
+        (((1, 20), (21, 43)),),
+        spread=True,
+    ),
 )
 def test_the_measured_winch_has_inertia_friction_and_drag_that_change_over_the_day(
     shared: Path, fitted: tuple[int, int], judged: tuple[int, int]
@@ -162,7 +193,9 @@ def test_the_measured_winch_has_inertia_friction_and_drag_that_change_over_the_d
     record = record_of(run, cycles=[fitted, judged], withheld=[1])
     assert named(record).keys() >= {"drum_inertia", "line_drag"}
     assert fitted_of(record).keys() >= {"drum_inertia", "line_drag", "line_friction"}
-    assert all(cause["probability"] <= CERTAIN for cause in record["causes"] if cause["look_alikes"])
+    assert all(
+        cause["probability"] <= CERTAIN for cause in record["causes"] if cause["look_alikes"]
+    )
     assert number(named(record)["drum_inertia"])["value"] == pytest.approx(5000.0, rel=0.05)
     assert record["closure"]["share_closed"] > 0.9
     assert record["closure"]["kind"] == "held_out"
@@ -171,21 +204,27 @@ def test_the_measured_winch_has_inertia_friction_and_drag_that_change_over_the_d
         sum(r["measured_j"] for r in payouts(record)), rel=0.06
     )
     assert record["verdict"] == "partly_explained"  # friction and drag fall over the day
-    assert any(a["kind"] == "energy" and "payout" in a["where"] for a in record["remainder"]["alarms"])
+    assert any(
+        a["kind"] == "energy" and "payout" in a["where"] for a in record["remainder"]["alarms"]
+    )
     assert any(trend["along"] == "order" for cause in record["causes"] for trend in cause["trends"])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [LONG, "20191008_0001.csv", "20191008_0004.csv"])
-def test_measured_logs_without_a_withheld_part_have_inertia_and_drag(shared: Path, name: str) -> None:
+def test_measured_logs_without_a_withheld_part_have_inertia_and_drag(
+    shared: Path, name: str
+) -> None:
     record = record_of(read_run(shared / "kitepower-2019-10-08" / name, rig=RIG))
     assert named(record).keys() >= {"drum_inertia", "line_drag"}
     assert record["closure"]["kind"] == "leave_one_out"
     assert record["closure"]["share_closed"] > 0.9
 
 
-# ------------------------------------------------------------------------------------------- no more certain than the data
-@pytest.mark.parametrize(("mass", "verdicts"), [(3000.0, {"unexplained", "partly_explained"}), (0.0, {"unexplained"})])
+# ------------------------------------------------------------------ no more certain than the data
+@pytest.mark.parametrize(
+    ("mass", "verdicts"), [(3000.0, {"unexplained", "partly_explained"}), (0.0, {"unexplained"})]
+)
 def test_a_power_that_no_suspect_takes_is_reported_by_its_energies_and_its_shape(
     mass: float, verdicts: set[str]
 ) -> None:
@@ -206,16 +245,21 @@ def test_hours_of_rest_change_neither_the_causes_nor_their_numbers() -> None:
     channels = {name: np.concatenate([run.channels[name], still[name]]) for name in still}
     t = np.arange(channels["force"].size) / run.fs
     short, long = (
-        named(record_of(one)) for one in (run, msgspec.structs.replace(run, t=t, channels=channels, samples=t.size))
+        named(record_of(one))
+        for one in (run, msgspec.structs.replace(run, t=t, channels=channels, samples=t.size))
     )
     assert short.keys() == long.keys() == {"drum_inertia", "line_friction", "line_drag"}
     for name, cause in short.items():
         assert number(long[name])["value"] == pytest.approx(number(cause)["value"], rel=0.03)
 
 
-def test_a_force_gain_that_nine_of_eleven_cycles_want_is_shown_with_its_number_and_differs() -> None:
+def test_a_force_gain_that_nine_of_eleven_cycles_want_is_shown_with_its_number_and_differs() -> (
+    None
+):
     run = planted(1, cycles=11, mass=5000.0, drag=300.0)
-    record = record_of(changed(run, force=run.channels["force"] * np.where(run.t < 9.0 * CYCLE, 1.15, 1.0)))
+    record = record_of(
+        changed(run, force=run.channels["force"] * np.where(run.t < 9.0 * CYCLE, 1.15, 1.0))
+    )
     (gain,) = (one for one in record["fitted"] if one["effect"] == "force_gain")
     assert 0.08 < number(gain)["value"] < 0.16
     assert record["verdict"] == "partly_explained"
@@ -227,9 +271,13 @@ def test_a_force_gain_that_nine_of_eleven_cycles_want_is_shown_with_its_number_a
 def test_a_drag_that_grows_over_the_cycles_has_a_trend_of_its_size() -> None:
     run = planted(0, cycles=12, mass=3000.0, drag=200.0)
     v = run.channels["velocity"]
-    record = record_of(changed(run, power_mech=run.channels["power_mech"] - 150.0 * run.t / run.t[-1] * v**2))
+    record = record_of(
+        changed(run, power_mech=run.channels["power_mech"] - 150.0 * run.t / run.t[-1] * v**2)
+    )
     drag = named(record)["line_drag"]
-    assert [one["run"] for one in drag["stability"]] == [f"cycle {k} of planted.csv" for k in range(1, 13)]
+    assert [one["run"] for one in drag["stability"]] == [
+        f"cycle {k} of planted.csv" for k in range(1, 13)
+    ]
     (trend,) = drag["trends"]
     assert trend["along"] == "order"
     assert trend["change"] == pytest.approx(150.0 * 11.0 / 12.0, rel=0.2)
@@ -250,27 +298,40 @@ def test_a_loss_over_tension_and_a_gain_look_alike_where_haul_in_has_little_tens
     assert record["next_experiment"]["expected_z"] > 0.0
 
 
-def test_probabilities_are_those_of_the_sets_and_ablation_is_the_share_closed_without_the_cause() -> None:
-    record, run = as_json(diagnosed(0, mass=3000.0, drag=300.0)), planted(0, mass=3000.0, drag=300.0)
+def test_probabilities_are_those_of_the_sets_and_ablation_is_the_share_closed_without_the_cause() -> (
+    None
+):
+    record, run = (
+        as_json(diagnosed(0, mass=3000.0, drag=300.0)),
+        planted(0, mass=3000.0, drag=300.0),
+    )
     sets = {tuple(one["effects"]): one for one in record["sets"]}
     assert sum(one["probability"] for one in sets.values()) == pytest.approx(1.0, abs=1e-4)
     assert len(sets) == 2**6
     assert record["closure"]["kind"] == "leave_one_out"
     for cause in record["causes"]:
-        together = sum(one["probability"] for names, one in sets.items() if cause["effect"] in names)
+        together = sum(
+            one["probability"] for names, one in sets.items() if cause["effect"] in names
+        )
         assert cause["probability"] == pytest.approx(together, abs=1e-4)
-        others = {one["effect"]: EFFECTS[one["effect"]] for one in record["causes"] if one is not cause}
+        others = {
+            one["effect"]: EFFECTS[one["effect"]] for one in record["causes"] if one is not cause
+        }
         alone = diagnose_stages(Entries([run]), RIG, others)
         assert alone.closure is not None
         assert cause["ablation"] == pytest.approx(alone.closure.share, abs=0.02)
         assert cause["ablation"] < record["closure"]["share_closed"] - 0.05
 
 
-# ------------------------------------------------------------------------------------------------------ damaged and odd
-@pytest.mark.parametrize(("lost", "says"), [("force", "lacks that of line"), ("power_mech", "lacks that of mech")])
+# -------------------------------------------------------------------------------- damaged and odd
+@pytest.mark.parametrize(
+    ("lost", "says"), [("force", "lacks that of line"), ("power_mech", "lacks that of mech")]
+)
 def test_a_log_without_force_or_power_is_rejected(lost: str, says: str) -> None:
     run = planted(0)
-    bare = msgspec.structs.replace(run, channels={k: x for k, x in run.channels.items() if k != lost})
+    bare = msgspec.structs.replace(
+        run, channels={k: x for k, x in run.channels.items() if k != lost}
+    )
     with pytest.raises(LogError, match=says):
         diagnose_stages(Entries([bare]), RIG, EFFECTS)
     with pytest.raises(LogError, match="is 0 throughout"):
@@ -279,7 +340,10 @@ def test_a_log_without_force_or_power_is_rejected(lost: str, says: str) -> None:
 
 def test_bridged_samples_lost_rows_and_uneven_stamps_are_borne() -> None:
     run, rng = planted(0, mass=3000.0, drag=300.0), np.random.default_rng(1)
-    kept, t = np.flatnonzero(rng.random(run.t.size) > 0.1), run.t + rng.uniform(-0.01, 0.01, run.t.size)
+    kept, t = (
+        np.flatnonzero(rng.random(run.t.size) > 0.1),
+        run.t + rng.uniform(-0.01, 0.01, run.t.size),
+    )
     channels = {name: np.interp(t, run.t, x)[kept] for name, x in run.channels.items()}
     channels["power_mech"][(t[kept] > 100.0) & (t[kept] < 110.0)] = 1e6
     gaps = {"power_mech": np.array([[100.0, 110.0]])}
@@ -296,30 +360,44 @@ def test_cycles_and_suspects_that_give_no_fit_are_rejected() -> None:
         diagnose_stages(Entries([run], cycles=[(50, 60)]), RIG, EFFECTS)
     with pytest.raises(CampaignError, match="every run is withheld"):
         diagnose_stages(Entries([run], withheld=[0]), RIG, EFFECTS)
-    with pytest.raises(OptionError, match=r"none of the suspects \(ke_shift\) acts between line and mech"):
+    with pytest.raises(
+        OptionError, match=r"none of the suspects \(ke_shift\) acts between line and mech"
+    ):
         diagnose_stages(Entries([run]), RIG, {"ke_shift": EFFECTS["ke_shift"]})
     few = {name: EFFECTS[name] for name in ("ke_shift", "drum_inertia")}
     assert diagnose_stages(Entries([run]), RIG, few).data.names == ("drum_inertia",)
 
 
-# ------------------------------------------------------------------------------------------------- a campaign and files
+# --------------------------------------------------------------------------- a campaign and files
 def write_log(run: Run, path: Path, sign: float = 1.0) -> None:
     """A log in the columns of a field winch, tension in kgf."""
-    columns = [run.t, run.channels["velocity"], run.channels["force"] / 9.80665, sign * run.channels["power_mech"]]
+    columns = [
+        run.t,
+        run.channels["velocity"],
+        run.channels["force"] / 9.80665,
+        sign * run.channels["power_mech"],
+    ]
     header = "time,ground_tether_reelout_speed,ground_tether_force,ground_mech_power"
-    np.savetxt(path, np.column_stack(columns), fmt="%.6f", delimiter=",", header=header, comments="")
+    np.savetxt(
+        path, np.column_stack(columns), fmt="%.6f", delimiter=",", header=header, comments=""
+    )
 
 
 @pytest.fixture
 def campaign(tmp_path: Path) -> Path:
     write_log(planted(0, mass=5000.0, drag=370.0), tmp_path / "log.csv")
-    runs = [f'[[run]]\nfile = "log.csv"\ncycles = {cycles}\n' for cycles in ("[1, 5]", "[6, 10]\nwithheld = true")]
+    runs = [
+        f'[[run]]\nfile = "log.csv"\ncycles = {cycles}\n'
+        for cycles in ("[1, 5]", "[6, 10]\nwithheld = true")
+    ]
     text = 'title = "A winch"\nrig = "kitepower"\n' + "".join(runs)
     (tmp_path / "campaign.toml").write_text(text, encoding="utf-8")
     return tmp_path
 
 
-def test_the_command_diagnoses_a_campaign_of_one_log_and_writes_all_that_it_offers(campaign: Path) -> None:
+def test_the_command_diagnoses_a_campaign_of_one_log_and_writes_all_that_it_offers(
+    campaign: Path,
+) -> None:
     out = campaign / "out"
     out.mkdir()
     done = winchcascade(
@@ -328,7 +406,11 @@ def test_the_command_diagnoses_a_campaign_of_one_log_and_writes_all_that_it_offe
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
     record = json.loads((out / "d.json").read_bytes())
-    assert (record["schema"], record["seed"], record["verdict"]) == ("winchcascade/diagnosis/1", 3, "explained")
+    assert (record["schema"], record["seed"], record["verdict"]) == (
+        "winchcascade/diagnosis/1",
+        3,
+        "explained",
+    )
     assert named(record).keys() == {"drum_inertia", "line_drag"}
     where = record["where"]
     assert (where["stage"], where["channel"], where["load_ohm"], where["rpm"]) == (
@@ -341,11 +423,14 @@ def test_the_command_diagnoses_a_campaign_of_one_log_and_writes_all_that_it_offe
     (part,) = record["closure"]["withheld"]
     assert part["cycles"] == [6, 10]
     power = record["closure"]["channels"]["power_mech"]
-    assert record["closure"]["share_closed"] == pytest.approx(1.0 - (power["after"] / power["before"]) ** 2, abs=1e-4)
+    assert record["closure"]["share_closed"] == pytest.approx(
+        1.0 - (power["after"] / power["before"]) ** 2, abs=1e-4
+    )
     assert (out / "d.html").read_text(encoding="utf-8").startswith("<!doctype html>")
     assert (out / "d.pdf").read_bytes().startswith(b"%PDF")
     before, after = (
-        np.loadtxt(out / "predicted" / side / "log.csv", delimiter=",", skiprows=1) for side in ("before", "after")
+        np.loadtxt(out / "predicted" / side / "log.csv", delimiter=",", skiprows=1)
+        for side in ("before", "after")
     )
     assert np.array_equal(np.unique(after[:, 1]), np.arange(6.0, 11.0))
     run = read_run(campaign / "log.csv", rig=RIG)
@@ -364,7 +449,12 @@ def test_a_log_of_the_other_sign_is_corrected_and_reported(campaign: Path) -> No
 
 @pytest.mark.parametrize(
     "numbers",
-    [{"mass": 5000.0, "drag": 370.0, "cycles": 4}, {}, {"mass": 3000.0, "other": 1500.0}, {"other": 1500.0}],
+    [
+        {"mass": 5000.0, "drag": 370.0, "cycles": 4},
+        {},
+        {"mass": 3000.0, "other": 1500.0},
+        {"other": 1500.0},
+    ],
     ids=str,
 )
 def test_every_verdict_has_its_page_its_report_and_its_map(numbers: dict[str, float]) -> None:
@@ -372,7 +462,9 @@ def test_every_verdict_has_its_page_its_report_and_its_map(numbers: dict[str, fl
     made = diagnosis_report(found, command="winchcascade diagnose")
     assert "nan" not in terminal_text(made)
     assert page_text(made).startswith("<!doctype html>")
-    assert ("stability" in [getattr(block, "id", "") for block in made.blocks]) == bool(found.causes)
+    assert ("stability" in [getattr(block, "id", "") for block in made.blocks]) == bool(
+        found.causes
+    )
     ax = found.plot("map")
     assert isinstance(ax, Axes)
     assert len(ax.texts) == len(found.places) == len(found.to_pandas("map"))

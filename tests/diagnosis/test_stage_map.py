@@ -1,4 +1,6 @@
-"""Losses of a stage by their laws, and their map: what a bench loses is found, with its stores, its sensors and its bounds."""
+"""Losses of a stage by their laws, and their map: what a bench loses is found, with its stores,
+its sensors and its bounds.
+"""
 
 import json
 import math
@@ -30,18 +32,29 @@ INERTIA = 0.4
 def lost(torque: Signal, speed: Signal) -> Signal:
     """What the bench loses. [W]"""
     over = speed, speed**2, torque**2, np.abs(torque), speed * torque
-    return np.asarray(np.sum([number * x for number, x in zip(TRUE.values(), over, strict=True)], axis=0))
+    return np.asarray(
+        np.sum([number * x for number, x in zip(TRUE.values(), over, strict=True)], axis=0)
+    )
 
 
 def dyno_run(*, reverse: bool = False, noise: float = 0.0) -> Run:
     """A dynamometer at steps of 6 s of speed and torque, joined by ramps of 1 s, at 100 Hz."""
-    steps = [(speed, torque) for speed in (2.0, 5.0, 8.0, 11.0, 14.0) for torque in (30.0, 80.0, 150.0, 220.0)]
+    steps = [
+        (speed, torque)
+        for speed in (2.0, 5.0, 8.0, 11.0, 14.0)
+        for torque in (30.0, 80.0, 150.0, 220.0)
+    ]
     corners = np.cumsum([0.0, *[1.0, 6.0] * len(steps)])
     t = np.arange(0.0, corners[-1], 0.01)
     omega, torque = (np.interp(t, corners, [of[0], *np.repeat(of, 2)]) for of in np.array(steps).T)
     power = torque * omega - lost(torque, omega) - INERTIA * omega * np.gradient(omega, t)
     sign, rng = -1.0 if reverse else 1.0, np.random.default_rng(0)
-    channels = {"speed": sign * omega, "torque": sign * torque, "vdc": np.full(t.size, 100.0), "idc": power / 100.0}
+    channels = {
+        "speed": sign * omega,
+        "torque": sign * torque,
+        "vdc": np.full(t.size, 100.0),
+        "idc": power / 100.0,
+    }
     for name, x in channels.items():
         x += rng.normal(0.0, noise * float(np.max(np.abs(x))) + 1e-12, t.size) * (name != "speed")
     return Run(name="dyno.csv", t=t, channels=channels, fs=100.0, samples=t.size)
@@ -55,7 +68,9 @@ def turned(run: Run) -> Run:
     )
 
 
-def bench(tmp_path: Path, text: str = "", source: str = "whole", stages: str = '"mech", "gen"') -> Rig:
+def bench(
+    tmp_path: Path, text: str = "", source: str = "whole", stages: str = '"mech", "gen"'
+) -> Rig:
     rig = f'name = "bench"\n[cascade]\nstages = [{stages}]\n[phases]\nfrom = "{source}"\n{text}'
     (tmp_path / "bench.toml").write_text(rig, encoding="utf-8")
     return load_rig(tmp_path / "bench.toml")
@@ -65,10 +80,12 @@ def numbers(found: LossMap) -> dict[str, float]:
     return {one.name: one.number.value for one in found.laws}
 
 
-# ------------------------------------------------------------------------------------------------------------- the laws
+# --------------------------------------------------------------------------------------- the laws
 @pytest.mark.parametrize("source", ["steps", "whole"])
 @pytest.mark.parametrize("reverse", [False, True])
-def test_the_map_of_a_dynamometer_has_its_losses_and_its_inertia(tmp_path: Path, source: str, reverse: bool) -> None:
+def test_the_map_of_a_dynamometer_has_its_losses_and_its_inertia(
+    tmp_path: Path, source: str, reverse: bool
+) -> None:
     found = make_loss_map([dyno_run(reverse=reverse, noise=1e-4)], bench(tmp_path, source=source))
     assert numbers(found).keys() >= TRUE.keys()
     for name, true in TRUE.items():
@@ -82,10 +99,14 @@ def test_the_map_of_a_dynamometer_has_its_losses_and_its_inertia(tmp_path: Path,
     assert found.held_out < 0.02 * found.lost.mean()
 
 
-def test_a_stated_law_is_no_cause_and_one_that_deviates_is_named_with_its_whole_number(tmp_path: Path) -> None:
+def test_a_stated_law_is_no_cause_and_one_that_deviates_is_named_with_its_whole_number(
+    tmp_path: Path,
+) -> None:
     made = dyno_run(noise=1e-4)
     channels = {"power_ac": made.channels["vdc"] * made.channels["idc"], **made.channels}
-    run = msgspec.structs.replace(made, channels={name: channels[name] for name in ("speed", "torque", "power_ac")})
+    run = msgspec.structs.replace(
+        made, channels={name: channels[name] for name in ("speed", "torque", "power_ac")}
+    )
     laws = {
         "shaft_inertia": StatedLaw(INERTIA, "kg.m2", 0.01),
         "shaft_friction": StatedLaw(3.0, "N.m", 0.05),
@@ -96,10 +117,17 @@ def test_a_stated_law_is_no_cause_and_one_that_deviates_is_named_with_its_whole_
     rig = msgspec.structs.replace(rig, laws={"ac": laws})
     names = [cause.effect for cause in diagnose_stages(Entries([run]), rig, EFFECTS).causes]
     assert names == ["copper_torque", "junction_torque"]
-    rig = msgspec.structs.replace(rig, laws={"ac": laws | {"shaft_friction": StatedLaw(1.0, "N.m", 0.05)}})
+    rig = msgspec.structs.replace(
+        rig, laws={"ac": laws | {"shaft_friction": StatedLaw(1.0, "N.m", 0.05)}}
+    )
     causes = {cause.effect: cause for cause in diagnose_stages(Entries([run]), rig, EFFECTS).causes}
-    (other,) = causes.keys() - {*names}  # of a shaft that turns one way, a zero of its torque looks the same
-    assert {other, *(one.effect for one in causes[other].look_alikes)} >= {"shaft_friction", "torque_zero"}
+    (other,) = causes.keys() - {
+        *names
+    }  # of a shaft that turns one way, a zero of its torque looks the same
+    assert {other, *(one.effect for one in causes[other].look_alikes)} >= {
+        "shaft_friction",
+        "torque_zero",
+    }
     reversed_too = Entries([run, turned(run)])
     causes = {cause.effect: cause for cause in diagnose_stages(reversed_too, rig, EFFECTS).causes}
     number = causes["shaft_friction"].parameters["torque"]
@@ -109,7 +137,9 @@ def test_a_stated_law_is_no_cause_and_one_that_deviates_is_named_with_its_whole_
 def test_a_sensor_within_what_the_rig_file_states_is_no_loss(tmp_path: Path) -> None:
     run = dyno_run(noise=1e-4)
     rig = bench(tmp_path)
-    high = msgspec.structs.replace(run, channels={**run.channels, "torque": 1.01 * run.channels["torque"]})
+    high = msgspec.structs.replace(
+        run, channels={**run.channels, "torque": 1.01 * run.channels["torque"]}
+    )
     known = msgspec.structs.replace(rig, sensors={"torque": Sensor("N.m", u_gain=0.01)})
     share, wide = (numbers(make_loss_map([high], one))["power_share"] for one in (rig, known))
     assert share == pytest.approx(0.04, abs=0.004)
@@ -128,19 +158,27 @@ def test_laws_that_the_rig_file_states_wrongly_are_rejected(tmp_path: Path) -> N
             make_loss_map([run], msgspec.structs.replace(bench(tmp_path), laws={"gen": laws}))
     with pytest.raises(RigError, match="shaft_friction"):
         bench(tmp_path, '[laws.gen]\nshaft_friction = { value = "much", unit = "N.m" }\n')
-    assert bench(tmp_path, '[laws.gen]\ncopper = { value = 2, unit = "ohm", u = 0.1 }\n').laws["gen"]["copper"].u == 0.1
+    assert (
+        bench(tmp_path, '[laws.gen]\ncopper = { value = 2, unit = "ohm", u = 0.1 }\n')
+        .laws["gen"]["copper"]
+        .u
+        == 0.1
+    )
 
 
 def test_no_map_exists_of_one_power_or_of_a_shaft_at_rest(tmp_path: Path) -> None:
     run = dyno_run()
     with pytest.raises(LogError, match="gen"):
-        make_loss_map([msgspec.structs.replace(run, channels={"speed": run.t, "torque": run.t})], bench(tmp_path))
+        make_loss_map(
+            [msgspec.structs.replace(run, channels={"speed": run.t, "torque": run.t})],
+            bench(tmp_path),
+        )
     still = {**run.channels, "speed": 0.0 * run.t}
     with pytest.raises(LogError, match="is 0 throughout"):
         make_loss_map([msgspec.structs.replace(run, channels=still)], bench(tmp_path))
 
 
-# -------------------------------------------------------------------------------------------------------------- the table
+# -------------------------------------------------------------------------------------- the table
 def test_the_hull_holds_every_point_and_none_beyond() -> None:
     points = np.random.default_rng(1).normal(size=(50, 2))
     hull, inside = convex_hull(points, points)
@@ -153,7 +191,11 @@ def test_the_files_hold_the_same_table(tmp_path: Path) -> None:
     found = make_loss_map([dyno_run(noise=1e-4)], bench(tmp_path))
     for ending in 2 * ("csv", "mat", "json"):  # at last over its own file
         write_loss_map(found, tmp_path / f"map.{ending}", "a campaign")
-    lines = [line.split(",") for line in (tmp_path / "map.csv").read_text().splitlines() if not line.startswith("#")]
+    lines = [
+        line.split(",")
+        for line in (tmp_path / "map.csv").read_text().splitlines()
+        if not line.startswith("#")
+    ]
     record = json.loads((tmp_path / "map.json").read_text())
     model = loadmat(tmp_path / "map.mat", squeeze_me=True, simplify_cells=True)["loss_map"]
     assert [float(x) for x in lines[0][1:]] == pytest.approx(found.motion)
@@ -163,9 +205,13 @@ def test_the_files_hold_the_same_table(tmp_path: Path) -> None:
     for loss in ([[float(x) for x in row[1:]] for row in lines[1:]], read, model["loss_w"]):
         assert np.array(loss) == pytest.approx(table, nan_ok=True)
     assert (record["schema"], model["stage_in"]) == ("winchcascade/loss_map/2", "mech")
-    assert {name: law["value"] for name, law in record["laws"].items()} == pytest.approx(numbers(found))
+    assert {name: law["value"] for name, law in record["laws"].items()} == pytest.approx(
+        numbers(found)
+    )
     grid = [
-        line.split(",") for line in (tmp_path / "map_grid.csv").read_text().splitlines() if not line.startswith("#")
+        line.split(",")
+        for line in (tmp_path / "map_grid.csv").read_text().splitlines()
+        if not line.startswith("#")
     ]
     _, _, loss, _, inside = np.array(grid[1:], dtype=np.float64).T
     assert loss.reshape(found.loss.shape) == pytest.approx(found.loss, rel=1e-6)

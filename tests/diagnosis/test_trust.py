@@ -1,4 +1,6 @@
-"""Campaigns on which a confident diagnosis is wrong, by simulators that share nothing with the model; skipped where absent."""
+"""Campaigns on which a confident diagnosis is wrong, by simulators that share nothing with the
+model; skipped where absent.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +57,11 @@ def diagnosed(name: str) -> dict[str, Any]:
 
 def certain(record: dict[str, Any]) -> set[str]:
     """Effects that are named with certainty."""
-    return {c["effect"] for c in record["causes"] if c["probability"] >= CERTAIN and not c["look_alikes"]}
+    return {
+        c["effect"]
+        for c in record["causes"]
+        if c["probability"] >= CERTAIN and not c["look_alikes"]
+    }
 
 
 @pytest.mark.slow

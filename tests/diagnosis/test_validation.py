@@ -1,4 +1,6 @@
-"""Validation: comparison errors and uncertainties follow their definitions; the intervals hold known errors of the model."""
+"""Validation: comparison errors and uncertainties follow their definitions; the intervals hold
+known errors of the model.
+"""
 
 import json
 from pathlib import Path
@@ -11,7 +13,11 @@ from rigs import calibrated_rig
 
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
-from winchcascade.diagnosis.explain.contributions import INPUTS, covariance_without, joint_covariance
+from winchcascade.diagnosis.explain.contributions import (
+    INPUTS,
+    covariance_without,
+    joint_covariance,
+)
 from winchcascade.diagnosis.explain.validation import Compared
 from winchcascade.diagnosis.explain.windowed import QUANTITIES, quantities_of, windowed
 from winchcascade.diagnosis.judge.causes import COVERED
@@ -26,7 +32,9 @@ RESOLVED = 1e-3
 """Share of the uncertainty of the data that the steps of the simulation may have. [1]"""
 
 DERIVATIVE = 0.02
-"""Relative difference of two standard uncertainties whose derivatives are taken at different models. [1]"""
+"""Relative difference of two standard uncertainties whose derivatives are taken at different
+models. [1]
+"""
 
 every_campaign = pytest.mark.parametrize("name", PLANTED)
 
@@ -40,7 +48,9 @@ def true_metrics(found: ModelDiagnosis, log: int, model: Model) -> Signal:
 @every_campaign
 def test_every_metric_of_every_run_is_validated_by_its_definitions(name: str) -> None:
     found = diagnosed(name)
-    assert [(one.log, one.quantity) for one in found.validation] == [(k, m) for k in range(len(LOGS)) for m in METRICS]
+    assert [(one.log, one.quantity) for one in found.validation] == [
+        (k, m) for k in range(len(LOGS)) for m in METRICS
+    ]
     for one in found.validation:
         assert (one.after is None) == (not found.causes)
         assert one.held_out == bool(found.causes)
@@ -62,7 +72,9 @@ def test_the_interval_before_holds_the_known_error_of_the_model(name: str) -> No
     truth = stated
     for effect, fields in PLANTED[name].items():
         truth = make_effect(effect, fields).apply(truth)
-    errors = [true_metrics(found, k, stated) - true_metrics(found, k, truth) for k in range(len(LOGS))]
+    errors = [
+        true_metrics(found, k, stated) - true_metrics(found, k, truth) for k in range(len(LOGS))
+    ]
     for one in found.validation:
         known = float(errors[one.log][QUANTITIES.index(one.quantity)])
         assert one.before.low < known < one.before.high, one.quantity
@@ -75,7 +87,11 @@ def test_the_corrected_model_has_no_error_that_its_interval_excludes(name: str) 
     for one in diagnosed(name).validation:
         assert one.after is not None
         assert one.after.low < 0.0 < one.after.high, one.quantity
-    significant = [one.quantity for one in diagnosed(name).validation if not one.before.low < 0.0 < one.before.high]
+    significant = [
+        one.quantity
+        for one in diagnosed(name).validation
+        if not one.before.low < 0.0 < one.before.high
+    ]
     assert {"power_gen", "eta_pto"} <= set(significant)
 
 
@@ -83,31 +99,46 @@ def test_the_corrected_model_has_no_error_that_its_interval_excludes(name: str) 
 def misread() -> ModelDiagnosis:
     """A rig without a gap, read by a torque sensor with a gain."""
     runs = [one.run for one in made_logs({"torque_gain": {"gain_error": GAIN}})]
-    return diagnose(runs, calibrated_rig(), {name: EFFECTS[name] for name in ("torque_gain", "line_drag")})
+    return diagnose(
+        runs, calibrated_rig(), {name: EFFECTS[name] for name in ("torque_gain", "line_drag")}
+    )
 
 
 GAIN = 0.06
 
 
-def test_an_error_of_a_sensor_belongs_to_the_data_and_not_to_the_model(misread: ModelDiagnosis) -> None:
+def test_an_error_of_a_sensor_belongs_to_the_data_and_not_to_the_model(
+    misread: ModelDiagnosis,
+) -> None:
     assert [one.effect for one in misread.causes] == ["torque_gain"]
     for one in misread.validation:
-        true = float(true_metrics(misread, one.log, baseline(calibrated_rig()))[QUANTITIES.index(one.quantity)])
+        true = float(
+            true_metrics(misread, one.log, baseline(calibrated_rig()))[
+                QUANTITIES.index(one.quantity)
+            ]
+        )
         assert abs(one.measured - true) < 3.0 * one.u_d, one.quantity
         assert one.before.low < 0.0 < one.before.high, one.quantity
         assert one.after is not None
         assert one.after.low < 0.0 < one.after.high, one.quantity
         assert not one.worse
     alone = [one.before.simulated for one in misread.validation]
-    assert alone == pytest.approx([one.before.simulated for one in diagnosed("nothing").validation], rel=0.02)
+    assert alone == pytest.approx(
+        [one.before.simulated for one in diagnosed("nothing").validation], rel=0.02
+    )
 
 
 def test_only_what_a_found_error_moves_takes_its_uncertainty(misread: ModelDiagnosis) -> None:
     """A line energy has no torque, and so the accuracies of its sensors."""
-    others = {(one.log, one.quantity): one.u_d / abs(one.measured) for one in diagnosed("nothing").validation}
+    others = {
+        (one.log, one.quantity): one.u_d / abs(one.measured)
+        for one in diagnosed("nothing").validation
+    }
     for one in misread.validation:
         same = one.u_d / abs(one.measured) == pytest.approx(others[one.log, one.quantity], rel=0.05)
-        assert same or one.quantity in ("energy_mech", "power_mech", "eta_trans", "eta_gen"), one.quantity
+        assert same or one.quantity in ("energy_mech", "power_mech", "eta_trans", "eta_gen"), (
+            one.quantity
+        )
 
 
 def test_the_uncertainty_of_the_inputs_is_that_of_the_tolerances_of_the_rig() -> None:
@@ -116,11 +147,14 @@ def test_the_uncertainty_of_the_inputs_is_that_of_the_tolerances_of_the_rig() ->
     of_inputs = [j for j, n in enumerate(data.nuisances) if n.kind in INPUTS]
     for k in range(len(LOGS)):
         (stated, *moved) = (
-            true_metrics(found, k, data.models(nu, [])[k]) for nu in (nothing, *np.eye(nothing.size)[of_inputs])
+            true_metrics(found, k, data.models(nu, [])[k])
+            for nu in (nothing, *np.eye(nothing.size)[of_inputs])
         )
         u = np.sqrt(sum((one - stated) ** 2 for one in moved))
         for one in (one for one in found.validation if one.log == k):
-            assert one.before.u_input == pytest.approx(float(u[QUANTITIES.index(one.quantity)]), rel=DERIVATIVE)
+            assert one.before.u_input == pytest.approx(
+                float(u[QUANTITIES.index(one.quantity)]), rel=DERIVATIVE
+            )
 
 
 @pytest.mark.parametrize("name", ["copper", "rolloff"])
@@ -137,7 +171,9 @@ def test_a_fit_without_the_logs_of_a_load_knows_less(name: str) -> None:
 
 def test_cycles_of_the_only_load_are_not_held_out_as_a_load() -> None:
     runs = [one.run for one in made_logs(PLANTED["copper"])[:1]]
-    found = diagnose(runs, calibrated_rig(), {"copper_heating": EFFECTS["copper_heating"]}, title="one", seed=1)
+    found = diagnose(
+        runs, calibrated_rig(), {"copper_heating": EFFECTS["copper_heating"]}, title="one", seed=1
+    )
     assert {one.held_out for one in found.validation} == {False}
     assert [one.effect for one in found.causes] == ["copper_heating"]
 

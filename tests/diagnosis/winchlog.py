@@ -1,4 +1,6 @@
-"""Logs of a winch with known mass, friction and drag, made from the same balance of power, with noise of their own."""
+"""Logs of a winch with known mass, friction and drag, made from the same balance of power, with
+noise of their own.
+"""
 
 from __future__ import annotations
 
@@ -31,8 +33,8 @@ def planted(
     v_noise: float = 0.002,
     fs: float = 10.0,
 ) -> Run:
-    """A log in SI units. `other` is a power that no suspect takes, `noise` one standard deviation of the power [W],
-    `v_noise` of the velocity [m/s]."""
+    """A log in SI units. `other` is a power that no suspect takes, `noise` one standard deviation
+    of the power [W], `v_noise` of the velocity [m/s]."""
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, cycles * CYCLE, 1.0 / fs)
     v, a, pull = np.zeros(t.size), np.zeros(t.size), np.full(t.size, 2500.0)
@@ -61,10 +63,11 @@ def planted(
 
 
 class RandomWinch(NamedTuple):
-    """A winch with random numbers, SI units of the line: what acts, by effect, and the share of power that each takes at most.
+    """A winch with random numbers, SI units of the line: what acts, by effect, and the share of
+    power that each takes at most.
 
-    `size` is the larger one of its shares of the energy of all payouts and of all haul-ins at the line or, of the inertia,
-    of the root mean square of the power.
+    `size` is the larger one of its shares of the energy of all payouts and of all haul-ins at the
+    line or, of the inertia, of the root mean square of the power.
     """
 
     run: Run
@@ -76,9 +79,10 @@ class RandomWinch(NamedTuple):
 def random_winch(seed: int) -> RandomWinch:
     """Draw a winch and log it at 10 Hz.
 
-    Reel-outs at a high and haul-ins at a low tension, with gusts, holds, sometimes hours of rest; the losses of some winches
-    change by up to 40 % from the first cycle to the last. The tension at the drum follows from that of the line exactly,
-    and the force cell errs last, so that no number is linear in the fit's own way.
+    Reel-outs at a high and haul-ins at a low tension, with gusts, holds, sometimes hours of rest;
+    the losses of some winches change by up to 40 % from the first cycle to the last. The tension at
+    the drum follows from that of the line exactly, and the force cell errs last, so that no number
+    is linear in the fit's own way.
     """
     rng = np.random.default_rng(seed)
     t, v, pull, rest = _motion_of_cycles(rng, int(rng.integers(8, 16)), hours=rng.random() < 0.25)
@@ -87,7 +91,11 @@ def random_winch(seed: int) -> RandomWinch:
         "drum_inertia": (0.8, 500.0, 6000.0), "line_friction": (0.5, 100.0, 800.0), "line_drag": (0.5, 50.0, 400.0),
         "load_proportional_loss": (0.25, 0.02, 0.12), "force_gain": (0.25, 0.02, 0.1), "force_zero": (0.25, 30.0, 150.0),
     }  # fmt: skip
-    numbers = {name: float(rng.uniform(low, high)) for name, (p, low, high) in kinds.items() if rng.random() < p}
+    numbers = {
+        name: float(rng.uniform(low, high))
+        for name, (p, low, high) in kinds.items()
+        if rng.random() < p
+    }
     for name in ("force_gain", "force_zero"):
         if name in numbers:
             numbers[name] *= float(rng.choice([-1.0, 1.0]))
@@ -111,7 +119,9 @@ def random_winch(seed: int) -> RandomWinch:
         else float(np.sqrt(np.mean(taken[name] ** 2) / np.mean((v * pull) ** 2)))
         for name in numbers
     }
-    slow = np.zeros(t.size)  # what the balance lacks: a share of the power that wanders within some twenty seconds
+    slow = np.zeros(
+        t.size
+    )  # what the balance lacks: a share of the power that wanders within some twenty seconds
     if rng.random() < 0.5:
         kicks = rng.normal(0.0, math.sqrt(2.0 * 0.1 / 20.0), t.size)
         slow = 10.0 ** rng.uniform(-2.5, -1.3) * lfilter([1.0], [1.0, -(1.0 - 0.1 / 20.0)], kicks)
@@ -123,11 +133,15 @@ def random_winch(seed: int) -> RandomWinch:
         + rng.normal(0.0, 10.0, t.size),
         "power_mech": power * (1.0 + slow) + rng.normal(0.0, noise, t.size),
     }
-    run = Run(name="random.csv", t=t, channels=channels, fs=10.0, samples=t.size, sha256=f"{seed:064d}")
+    run = Run(
+        name="random.csv", t=t, channels=channels, fs=10.0, samples=t.size, sha256=f"{seed:064d}"
+    )
     return RandomWinch(run, numbers, size, drift)
 
 
-def _motion_of_cycles(rng: np.random.Generator, cycles: int, *, hours: bool) -> tuple[Signal, Signal, Signal, Mask]:
+def _motion_of_cycles(
+    rng: np.random.Generator, cycles: int, *, hours: bool
+) -> tuple[Signal, Signal, Signal, Mask]:
     """Stamps, line velocity and tension, and where the winch rests."""
     speeds, pulls = list[Signal](), list[Signal]()
     for _ in range(cycles):
@@ -145,5 +159,7 @@ def _motion_of_cycles(rng: np.random.Generator, cycles: int, *, hours: bool) -> 
     still = np.zeros(rng.integers(36000, 72000) if hours else 600)
     ramp = np.hanning(26) / np.hanning(26).sum()  # motions begin and end within two seconds
     v: Signal = np.convolve(np.concatenate([*speeds, still]), ramp, mode="same").astype(np.float64)
-    pull: Signal = np.convolve(np.concatenate([*pulls, still + 800.0]), ramp, mode="same").astype(np.float64)
+    pull: Signal = np.convolve(np.concatenate([*pulls, still + 800.0]), ramp, mode="same").astype(
+        np.float64
+    )
     return np.arange(v.size) / 10.0, v, pull, np.abs(v) < 0.05

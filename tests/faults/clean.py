@@ -6,7 +6,20 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
-from fault_logs import CAMPAIGN, ROOT, Finding, Log, Result, Signal, base, found, noisy, result, stroke_velocity, twin
+from fault_logs import (
+    CAMPAIGN,
+    ROOT,
+    Finding,
+    Log,
+    Result,
+    Signal,
+    base,
+    found,
+    noisy,
+    result,
+    stroke_velocity,
+    twin,
+)
 from injected import log_uniform
 from verdicts import moved
 
@@ -15,17 +28,27 @@ from winchcascade import RigError, read_run, reduce
 SHARED = ROOT.parent / "shared" / "data"
 RATES = (5.0, 10.0, 25.0, 50.0, 100.0)
 LIMITS = {"force": 19613.3, "torque": 500.0}
-"""Ends of the ranges of the sensors of the paper, in the unit of the file: a log of the twin may exceed them."""
+"""Ends of the ranges of the sensors of the paper, in the unit of the file: a log of the twin may
+exceed them.
+"""
 
-DESERVED = {"rig_assumed", "thresholds_assumed", "phase_source", "incomplete_cycle", "load_mismatch"}
-"""Findings that campaigns with labels deserve: some name no rig, one states no thresholds of its rig, one has waves without a
-rest, one states a wrong load."""
+DESERVED = {
+    "rig_assumed",
+    "thresholds_assumed",
+    "phase_source",
+    "incomplete_cycle",
+    "load_mismatch",
+}
+"""Findings that campaigns with labels deserve: some name no rig, one states no thresholds of its
+rig, one has waves without a rest, one states a wrong load."""
 
 LATE = ("labelled/electrical_lag/", "channel_lag", "vdc")
 """Campaign whose truth is a lag of Vdc and Idc, and the finding that its logs alone deserve."""
 
 Named = Iterator[tuple[str, Result, Result | None, Mapping[str, Signal]]]
-"""Name, result, result of the same motion at a high rate if that is known, and the channels in the units of the file."""
+"""Name, result, result of the same motion at a high rate if that is known, and the channels in
+the units of the file.
+"""
 
 
 def folders(place: str) -> Callable[[], Named]:
@@ -56,12 +79,23 @@ def resampled() -> Named:
         for rate in (10.0, 50.0, 100.0, 200.0):
             log = base(name, rate)
             for window in (log.window, "auto", "payout"):
-                yield f"{name} at {rate:g} Hz window {window}", result(replace(log, window=window)), None, log.table
+                yield (
+                    f"{name} at {rate:g} Hz window {window}",
+                    result(replace(log, window=window)),
+                    None,
+                    log.table,
+                )
 
 
 def twins() -> Named:
     """The motion of fixture logs in the twin, with and without noise, at five rates."""
-    for name, load in (("r4p5ohm", 4.5), ("r9ohm", 9.0), ("r18ohm", 18.0), ("r45ohm", 45.0), ("open_circuit", np.inf)):
+    for name, load in (
+        ("r4p5ohm", 4.5),
+        ("r9ohm", 9.0),
+        ("r18ohm", 18.0),
+        ("r45ohm", 45.0),
+        ("open_circuit", np.inf),
+    ):
         run = read_run(CAMPAIGN / f"{name}.csv")
         t = np.arange(run.t[0], run.t[-1], 0.01)
         smooth = np.convolve(run.channels["velocity"], np.bartlett(9) / 4.0, "same")
@@ -71,14 +105,23 @@ def twins() -> Named:
             for rate in RATES:
                 for share in (0.0, 1.0):
                     table = noisy(
-                        {c: fine[c].to_numpy()[:: round(100 / rate)] for c in fine}, np.random.default_rng(3), share
+                        {c: fine[c].to_numpy()[:: round(100 / rate)] for c in fine},
+                        np.random.default_rng(3),
+                        share,
                     )
                     log = Log(name, rate, table, load, window)
-                    yield f"twin of {name} at {rate:g} Hz noise {share:g} window {window}", result(log), true, log.table
+                    yield (
+                        f"twin of {name} at {rate:g} Hz noise {share:g} window {window}",
+                        result(log),
+                        true,
+                        log.table,
+                    )
 
 
 def unusual() -> Named:
-    """200 logs of the twin: 0.1 to 10 m/s2, 0.1 to 2 m/s, strokes of 2 to 9 m, 5 to 200 Hz, all loads."""
+    """200 logs of the twin: 0.1 to 10 m/s2, 0.1 to 2 m/s, strokes of 2 to 9 m, 5 to 200 Hz, all
+    loads.
+    """
     for k in range(200):
         rng = np.random.default_rng([20261127, k])
         load = float(rng.choice([4.5, 9.0, 18.0, 27.0, 36.0, 45.0]))
@@ -88,7 +131,9 @@ def unusual() -> Named:
             (2.0, 2.0, rng.uniform(2.0, 9.0))[k % 3],
         )
         rate = float(rng.choice([5.0, 10.0, 25.0, 50.0, 100.0, 200.0]))
-        t, velocity = stroke_velocity([(length, speed * (1 + 0.02 * rng.uniform(-1, 1)), acceleration, 0.0)] * 3, 200.0)
+        t, velocity = stroke_velocity(
+            [(length, speed * (1 + 0.02 * rng.uniform(-1, 1)), acceleration, 0.0)] * 3, 200.0
+        )
         fine = twin(t, velocity, load)
         window = ("auto", "payout")[k // 3 % 2]
         table = noisy(fine.iloc[:: round(200 / rate)], rng)
@@ -122,8 +167,12 @@ def false_findings(source: str) -> tuple[int, list[str]]:
     return logs, words
 
 
-def deserved(finding: Finding, name: str, true: Result | None, coarse: bool, channels: Mapping[str, Signal]) -> bool:
-    """Whether a log deserves a finding: a rate that moves a number, a sensor beyond its range, a line below zero tension."""
+def deserved(
+    finding: Finding, name: str, true: Result | None, coarse: bool, channels: Mapping[str, Signal]
+) -> bool:
+    """Whether a log deserves a finding: a rate that moves a number, a sensor beyond its range, a
+    line below zero tension.
+    """
     if finding.kind in ("coarse_sampling", "coarse_resolution"):
         return coarse
     if finding.kind == "out_of_range" and finding.channel in LIMITS:

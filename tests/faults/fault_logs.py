@@ -1,4 +1,6 @@
-"""Logs without a fault: fixture logs at any rate, benches without a line, logs of the twin; and what reading one gives."""
+"""Logs without a fault: fixture logs at any rate, benches without a line, logs of the twin; and
+what reading one gives.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,15 @@ HEADERS = {
 }
 """Columns of a log, by channel."""
 
-NOISE = {"velocity": 0.003, "pressure": 0.01, "force": 5.0, "torque": 0.4, "vdc": 0.26, "idc": 0.015, "speed": 2.0}
+NOISE = {
+    "velocity": 0.003,
+    "pressure": 0.01,
+    "force": 5.0,
+    "torque": 0.4,
+    "vdc": 0.26,
+    "idc": 0.015,
+    "speed": 2.0,
+}
 """Standard deviation of each channel at rest in the fixture logs, in the unit of the file."""
 
 STEPS = {
@@ -46,7 +56,9 @@ STEPS = {
 """Resolution of each channel in the fixture logs, in the unit of the file."""
 
 ADDED = 0.7
-"""Share of a channel's noise that is added after interpolation to a higher rate: interpolated noise keeps the rest."""
+"""Share of a channel's noise that is added after interpolation to a higher rate: interpolated
+noise keeps the rest.
+"""
 
 LOADS = {"r4p5ohm": (4.5, 5.96), "r18ohm": (18.0, 5.96), "r36ohm": (36.0, 5.48)}
 """Load [ohm] and window [s] of three fixture logs, as in their campaign.toml."""
@@ -74,7 +86,9 @@ class Finding(NamedTuple):
 
 
 class Result(NamedTuple):
-    """What reading and reducing a log gave: means by metric, complete cycles, findings, load [ohm]; or why it was rejected."""
+    """What reading and reducing a log gave: means by metric, complete cycles, findings, load
+    [ohm]; or why it was rejected.
+    """
 
     mean: Mapping[str, float | None]
     cycles: int
@@ -87,8 +101,9 @@ class Result(NamedTuple):
 class Log:
     """A log as a table, columns by channel in the unit of the file, and how it is read.
 
-    `rig` is the text of a rig file, "" for that of the paper; `write` makes a file in a folder from the table with its headers,
-    without it the table is read as a DataFrame. What it makes may be the folder of a campaign, which is reduced as a whole.
+    `rig` is the text of a rig file, "" for that of the paper; `write` makes a file in a folder from
+    the table with its headers, without it the table is read as a DataFrame. What it makes may be
+    the folder of a campaign, which is reduced as a whole.
     """
 
     name: str
@@ -134,7 +149,9 @@ def result(log: Log) -> Result:
         try:
             if isinstance(source, Path) and source.is_dir():
                 return found_in_campaign(open_campaign(source).reduce())
-            return found(reduce(read_run(source, load=log.load, rig=rig_of(log.rig)), window=log.window))
+            return found(
+                reduce(read_run(source, load=log.load, rig=rig_of(log.rig)), window=log.window)
+            )
         except WinchcascadeError as fault:
             return Result({}, 0, (), rejected=str(fault))
 
@@ -151,7 +168,9 @@ def found_in_campaign(reduction: winchcascade.CampaignReduction) -> Result:
     """Take the findings of all runs of a campaign, and those of one run beside the others."""
     single = [finding for record in reduction.records.values() for finding in record.quality]
     between = [finding for _, finding in reduction.summary.between]
-    findings = (Finding(f.kind, f.channel, f.message, f.start_s, f.end_s) for f in (*single, *between))
+    findings = (
+        Finding(f.kind, f.channel, f.message, f.start_s, f.end_s) for f in (*single, *between)
+    )
     return Result({}, 0, tuple(findings))
 
 
@@ -177,7 +196,9 @@ def rounded(channel: str, x: Signal) -> Signal:
     return np.round(np.round(x / STEPS[channel]) * STEPS[channel], 6)
 
 
-def noisy(table: Mapping[str, Signal] | pd.DataFrame, rng: np.random.Generator, share: float = 1.0) -> pd.DataFrame:
+def noisy(
+    table: Mapping[str, Signal] | pd.DataFrame, rng: np.random.Generator, share: float = 1.0
+) -> pd.DataFrame:
     """Add a share of the noise of the sensors, and round as the logger does."""
     columns = {}
     for channel, column in table.items():
@@ -189,55 +210,81 @@ def noisy(table: Mapping[str, Signal] | pd.DataFrame, rng: np.random.Generator, 
 
 @cache
 def base(name: str, rate: float) -> Log:
-    """A fixture log at any rate: interpolated smoothly with noise of the sensors added, or filtered and thinned out."""
+    """A fixture log at any rate: interpolated smoothly with noise of the sensors added, or
+    filtered and thinned out.
+    """
     load, window = LOADS[name]
-    raw = pd.read_csv(CAMPAIGN / f"{name}.csv").rename(columns={header: channel for channel, header in HEADERS.items()})
+    raw = pd.read_csv(CAMPAIGN / f"{name}.csv").rename(
+        columns={header: channel for channel, header in HEADERS.items()}
+    )
     t, end = raw["time"].to_numpy(), float(raw["time"].iloc[-1])
     if abs(rate * float(np.median(np.diff(t))) - 1.0) < 1e-6:
         return Log(name, rate, raw, load, window)
     fine = max(rate, 250.0 if rate < 25.0 else rate)
     dense = np.arange(int(end * fine + 1e-6) + 1) / fine
-    columns = {channel: PchipInterpolator(t, raw[channel])(dense) for channel in raw if channel != "time"}
+    columns = {
+        channel: PchipInterpolator(t, raw[channel])(dense) for channel in raw if channel != "time"
+    }
     rng = np.random.default_rng(round(rate))
     if rate > 25.0:
         return Log(name, rate, noisy({"time": dense, **columns}, rng, ADDED), load, window)
     half = round(fine / rate)
-    weights = np.bartlett(2 * half + 1) / np.bartlett(2 * half + 1).sum()  # symmetric: a filter without lag
+    weights = (
+        np.bartlett(2 * half + 1) / np.bartlett(2 * half + 1).sum()
+    )  # symmetric: a filter without lag
     stamps = np.arange(int(end * rate + 1e-6) + 1) / rate
     smooth = {
-        c: np.interp(stamps, dense, np.convolve(np.pad(x, half, "edge"), weights, "valid")) for c, x in columns.items()
+        c: np.interp(stamps, dense, np.convolve(np.pad(x, half, "edge"), weights, "valid"))
+        for c, x in columns.items()
     }
     return Log(name, rate, noisy({"time": stamps, **smooth}, rng, 0.0), load, window)
 
 
 @cache
 def bench(rate: float, load: float = 18.0) -> Log:
-    """A shaft with a generator that runs through steps of speed, from Ohm's law and a constant efficiency alone."""
+    """A shaft with a generator that runs through steps of speed, from Ohm's law and a constant
+    efficiency alone.
+    """
     t = np.arange(int(75.0 * rate) + 1) / rate
     corners = [0, 4, 5, 17, 18, 30, 31, 43, 44, 56, 57, 69, 70, 75]
-    speed = np.interp(t, corners, [0, 0, 1000, 1000, 1800, 1800, 2600, 2600, 1400, 1400, 700, 700, 0, 0])
+    speed = np.interp(
+        t, corners, [0, 0, 1000, 1000, 1800, 1800, 2600, 2600, 1400, 1400, 700, 700, 0, 0]
+    )
     vdc = 0.08 * speed
     torque = vdc**2 / load / np.maximum(speed * np.pi / 30.0, 1.0) / 0.85 + 0.3 * (speed > 1.0)
     table = noisy(
-        {"time": t, "speed": speed, "torque": torque, "vdc": vdc, "idc": vdc / load}, np.random.default_rng(7)
+        {"time": t, "speed": speed, "torque": torque, "vdc": vdc, "idc": vdc / load},
+        np.random.default_rng(7),
     )
     return Log("bench", rate, table, load, rig=BENCH_RIG)
 
 
 def twin(t: Signal, velocity: Signal, load: float) -> pd.DataFrame:
-    """Simulate the paper's rig along a motion; columns by channel in the units of the file, without noise."""
-    run = read_run(pd.DataFrame({"time_s": t, "velocity_mps": velocity}), load=load, rig=rig_of(""), repairs="off")
+    """Simulate the paper's rig along a motion; columns by channel in the units of the file,
+    without noise.
+    """
+    run = read_run(
+        pd.DataFrame({"time_s": t, "velocity_mps": velocity}),
+        load=load,
+        rig=rig_of(""),
+        repairs="off",
+    )
     channels = simulate(run).run.channels
     units = {"pressure": 98066.5}
-    return pd.DataFrame({"time": t, **{c: channels[c] / units.get(c, 1.0) for c in HEADERS if c in channels}})
+    return pd.DataFrame(
+        {"time": t, **{c: channels[c] / units.get(c, 1.0) for c in HEADERS if c in channels}}
+    )
 
 
-def stroke_velocity(cycles: list[tuple[float, float, float, float]], rate: float) -> tuple[Signal, Signal]:
+def stroke_velocity(
+    cycles: list[tuple[float, float, float, float]], rate: float
+) -> tuple[Signal, Signal]:
     """Lay payouts and haul-ins one after the other.
 
     Parameters
     ----------
-    cycles : length [m], speed [m/s], acceleration [m/s2] and stop in the middle of the payout [s] of each cycle
+    cycles : length [m], speed [m/s], acceleration [m/s2] and stop in the middle of the payout [s]
+        of each cycle
     rate : of the stamps [Hz]
     """
     corners: list[tuple[float, float]] = [(0.0, 0.0)]

@@ -1,7 +1,8 @@
 """The gate of the checks: injected faults and undamaged logs, beside the recorded figures.
 
-`python tests/faults/gate.py` prints the table of all faults and the false findings; `--only PART` does the faults whose name
-contains a part, `--list` adds each trial, `--worse` those that became worse; `--record` stores what is found.
+`python tests/faults/gate.py` prints the table of all faults and the false findings; `--only PART`
+does the faults whose name contains a part, `--list` adds each trial, `--worse` those that became
+worse; `--record` stores what is found.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ RECORDED = Path(__file__).parent / "recorded.json"
 
 
 def recorded() -> tuple[dict[str, str], dict[str, int]]:
-    """The recorded letters by fault, and the number of logs with false findings by source of undamaged logs."""
+    """The recorded letters by fault, and the number of logs with false findings by source of
+    undamaged logs.
+    """
     stored = json.loads(RECORDED.read_text(encoding="utf-8"))
     return stored["faults"], stored["clean"]
 
@@ -36,13 +39,23 @@ def whole(name: str) -> str:
 
 def main() -> int:
     """Run the program; 1 if a fault or a source of undamaged logs is worse than recorded."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", default="", metavar="PART", help="faults whose name contains this")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--only", default="", metavar="PART", help="faults whose name contains this"
+    )
     parser.add_argument("--list", action="store_true", help="print every trial")
-    parser.add_argument("--worse", action="store_true", help="print the trials that are worse than recorded")
-    parser.add_argument("--clean", action="store_true", help="undamaged logs alone, each false finding printed")
+    parser.add_argument(
+        "--worse", action="store_true", help="print the trials that are worse than recorded"
+    )
+    parser.add_argument(
+        "--clean", action="store_true", help="undamaged logs alone, each false finding printed"
+    )
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--record", action="store_true", help="store what is found in recorded.json")
+    parser.add_argument(
+        "--record", action="store_true", help="store what is found in recorded.json"
+    )
     given = parser.parse_args()
     begun = time.perf_counter()
     before, clean_before = recorded()
@@ -64,7 +77,11 @@ def main() -> int:
         for text in words if given.clean else []:
             print(f"    {text}")
     worse = [name for name, row in found.items() if is_worse(row, before.get(name, row))]
-    worse += [source for source, (_, words) in clean.items() if len(words) > clean_before.get(source, len(words))]
+    worse += [
+        source
+        for source, (_, words) in clean.items()
+        if len(words) > clean_before.get(source, len(words))
+    ]
     print(f"worse than recorded: {', '.join(worse) or 'none'}; {time.perf_counter() - begun:.0f} s")
     if given.record:
         counted = {source: len(words) for source, (_, words) in clean.items()}
@@ -74,7 +91,9 @@ def main() -> int:
 
 
 def print_trials(name: str, found: str, before: str, *, every: bool, worse: bool) -> None:
-    """Print every trial of a fault, or those that are worse than recorded: no longer found, or newly silent."""
+    """Print every trial of a fault, or those that are worse than recorded: no longer found, or
+    newly silent.
+    """
     for k, (new, old) in enumerate(zip(found, before, strict=True)):
         if every or (worse and is_worse(new, old)):
             made = trial(name, k)
@@ -83,11 +102,15 @@ def print_trials(name: str, found: str, before: str, *, every: bool, worse: bool
 
 
 SLACK = 0.05
-"""Share of the trials, one at least, that may lose a finding, as those at a limit fall on either side; none may be silent."""
+"""Share of the trials, one at least, that may lose a finding, as those at a limit fall on either
+side; none may be silent.
+"""
 
 
 def is_worse(found: str, before: str) -> bool:
-    """Whether more trials are silent than recorded, or fewer are found by more than the slack, of the same trials."""
+    """Whether more trials are silent than recorded, or fewer are found by more than the slack,
+    of the same trials.
+    """
     new, old = counts(found), counts(before[: len(found)])
     slack = max(1.0, SLACK * len(found)) if len(found) > 1 else 0.0
     return new[4] > old[4] or old[1] - new[1] > slack

@@ -1,6 +1,8 @@
-"""Injected faults: each is a function from an undamaged log and a random generator to a `Trial`, under a name of its own.
+"""Injected faults: each is a function from an undamaged log and a random generator to a `Trial`,
+under a name of its own.
 
-Sizes are drawn from the ranges beside each. Trial `k` of a fault is the same in every version of the package.
+Sizes are drawn from the ranges beside each. Trial `k` of a fault is the same in every version of
+the package.
 """
 
 from __future__ import annotations
@@ -32,9 +34,11 @@ CODES = (-999.0, -9999.0, 999.0, 9999.0, 99999.0, 32767.0, -32768.0, 65535.0, 1e
 
 @dataclass(frozen=True)
 class Trial:
-    """One injected fault: the undamaged log, the damaged one, what was touched, and the times of the damage. [s]
+    """One injected fault: the undamaged log, the damaged one, what was touched, and the times of
+    the damage. [s]
 
-    `always` marks a fault that counts as one whatever it does to the energies, such as a repeatability that is none.
+    `always` marks a fault that counts as one whatever it does to the energies, such as a
+    repeatability that is none.
     """
 
     what: str
@@ -89,20 +93,29 @@ def one(rng: Rng, _k: int) -> tuple[str, ...]:
 
 def some(rng: Rng, _k: int) -> tuple[str, ...]:
     """One channel, the two electrical ones, or all that come from one amplifier."""
-    groups = [(POWERS[rng.integers(4)],)] * 7 + [ELECTRICAL, ELECTRICAL, ("torque", "vdc", "idc"), POWERS]
+    groups = [(POWERS[rng.integers(4)],)] * 7 + [
+        ELECTRICAL,
+        ELECTRICAL,
+        ("torque", "vdc", "idc"),
+        POWERS,
+    ]
     return groups[rng.integers(len(groups))]
 
 
 def payouts(log: Log) -> list[tuple[int, int]]:
     """Rows of each payout, from the speed of the line or the shaft above a third of its highest."""
     v = log["velocity" if "velocity" in log.table else "speed"]
-    moving = np.convolve(v > np.max(v) / 3.0, np.ones(max(3, round(log.rate)) // 2 * 2 + 1), "same") > 0
+    moving = (
+        np.convolve(v > np.max(v) / 3.0, np.ones(max(3, round(log.rate)) // 2 * 2 + 1), "same") > 0
+    )
     edges = np.flatnonzero(np.diff(np.concatenate(([0], moving.astype(int), [0]))))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def spot(rng: Rng, log: Log, seconds: float) -> tuple[int, int]:
-    """Draw a stretch of rows: mostly in the first 6 s of a payout, where the window is, sometimes anywhere."""
+    """Draw a stretch of rows: mostly in the first 6 s of a payout, where the window is,
+    sometimes anywhere.
+    """
     spans = payouts(log)
     first, last = spans[rng.integers(len(spans))]
     chance = rng.random()
@@ -149,7 +162,8 @@ def on_line(x: Signal, a: int, b: int) -> Signal:
     return np.interp(np.arange(a, b), ends, x[ends])
 
 
-# --- samples of one channel: 17 faults in 7 channels of 3 logs, half of them at 25 Hz, and the same on a bench without a line
+# --- samples of one channel: 17 faults in 7 channels of 3 logs, half of them at 25 Hz, and the same
+# on a bench without a line
 
 SAMPLES = {
     "spike 10 %": (1, "add", 0.1), "spike 30 %": (1, "add", 0.3), "spike 100 %": (1, "add", 1.0),
@@ -159,18 +173,28 @@ SAMPLES = {
     "12 held": (12, "hold", 0.0), "25 held": (25, "hold", 0.0), "75 held": (75, "hold", 0.0),
     "12 on a line": (12, "line", 0.0), "25 on a line": (25, "line", 0.0), "75 on a line": (75, "line", 0.0),
 }  # fmt: skip
-"""Number of samples, how they change, and the size: a share of the range of the channel, or a value."""
+"""Number of samples, how they change, and the size: a share of the range of the channel, or a
+value.
+"""
 
 
-def samples(rng: Rng, k: int, log: Log, *, count: int, how: str, size: float, on_bench: bool) -> Trial:
+def samples(
+    rng: Rng, k: int, log: Log, *, count: int, how: str, size: float, on_bench: bool
+) -> Trial:
     """Change some samples of one channel within a payout."""
     rate = 25.0 if k % 2 else log.rate
-    log, channels = (bench(rate), ("speed", *POWERS[1:])) if on_bench else (base(log.name, rate), CHANNELS)
+    log, channels = (
+        (bench(rate), ("speed", *POWERS[1:])) if on_bench else (base(log.name, rate), CHANNELS)
+    )
     channel = channels[k // 6 % len(channels)]
     inside = [(a, b) for a, b in payouts(log) if b - a > 2]
     first, last = inside[rng.integers(len(inside))]
     a = int(rng.integers(first, max(first + 1, min(last, len(log.t) - count - 5))))
-    step = (1 - 2 * int(rng.integers(2))) * size * float(np.subtract(*np.quantile(log[channel], (0.995, 0.005))))
+    step = (
+        (1 - 2 * int(rng.integers(2)))
+        * size
+        * float(np.subtract(*np.quantile(log[channel], (0.995, 0.005))))
+    )
     new: dict[str, New] = {
         "add": lambda _c, x, a, b: x[a:b] + step, "set": lambda *_: size,
         "hold": lambda _c, x, a, _b: float(x[a]), "line": lambda _c, x, a, b: on_line(x, a, b),
@@ -186,7 +210,12 @@ for _name, (_count, _how, _size) in SAMPLES.items():
 
 # --- stretches of 0.2 to 10 s at one to six places
 
-ENDS = {"force": (19613.3, -1.0), "torque": (500.0, -500.0), "vdc": (1000.0, -1.0), "idc": (50.0, -1.0)}
+ENDS = {
+    "force": (19613.3, -1.0),
+    "torque": (500.0, -500.0),
+    "vdc": (1000.0, -1.0),
+    "idc": (50.0, -1.0),
+}
 """Ends of the range of each sensor, or -1, in the unit of the file."""
 
 
@@ -230,13 +259,19 @@ for _name, (_trials, *_) in STRETCHES.items():
 
 @fault("clock: unit of the stamps", 12)
 def wrong_unit(_rng: Rng, k: int, log: Log) -> Trial:
-    """Header and stamps differ: milliseconds, minutes, microseconds, hours, or row numbers under "Time (s)"."""
+    """Header and stamps differ: milliseconds, minutes, microseconds, hours, or row numbers under
+    "Time (s)".
+    """
     unit, factor = [
         ("s", 1e3), ("s", log.rate), ("ms", 1.0), ("s", 1 / 60), ("min", 1.0), ("s", 1e6), ("us", 1e3),
         ("s", 1 / 3600), ("ms", log.rate), ("s", 10.0), ("s", 0.1), ("s", 100.0),
     ][k % 12]  # fmt: skip
-    damaged = replace(log.changed(time=factor * log.t), headers={**HEADERS, "time": f"Time ({unit})"})
-    return Trial(f"stamps in seconds times {factor:g} under Time ({unit})", log, damaged, frozenset({"time"}))
+    damaged = replace(
+        log.changed(time=factor * log.t), headers={**HEADERS, "time": f"Time ({unit})"}
+    )
+    return Trial(
+        f"stamps in seconds times {factor:g} under Time ({unit})", log, damaged, frozenset({"time"})
+    )
 
 
 @fault("clock: rate", 12)
@@ -245,12 +280,16 @@ def nominal_rate(rng: Rng, k: int, log: Log) -> Trial:
     factor = log_uniform(rng, 1.01, 1.5) if k % 5 < 3 else log_uniform(rng, 2.0, 50.0)
     factor = factor if rng.random() < 0.5 else 1.0 / factor
     stamps = np.round(log.t * factor, 6)
-    return Trial(f"clock at {factor:.4g} of its rate", log, log.changed(time=stamps), frozenset({"time"}))
+    return Trial(
+        f"clock at {factor:.4g} of its rate", log, log.changed(time=stamps), frozenset({"time"})
+    )
 
 
 @fault("clock: lost or repeated rows", 24)
 def renumbered(rng: Rng, k: int, log: Log) -> Trial:
-    """Rows lost for 0.06 to 10 s, written twice for 0.1 to 5 s, or in the wrong order, under a clock of row numbers."""
+    """Rows lost for 0.06 to 10 s, written twice for 0.1 to 5 s, or in the wrong order, under a
+    clock of row numbers.
+    """
     rows = np.arange(len(log.t))
     a, b = spot(rng, log, log_uniform(rng, 0.1, 5.0))
     end = min(2 * b - a, len(rows))
@@ -264,28 +303,42 @@ def renumbered(rng: Rng, k: int, log: Log) -> Trial:
     return numbered(log, kept, f"rows {what}")
 
 
-def numbered(log: Log, rows: NDArray[np.intp], what: str, touched: str = "displacement", always: bool = False) -> Trial:
+def numbered(
+    log: Log, rows: NDArray[np.intp], what: str, touched: str = "displacement", always: bool = False
+) -> Trial:
     """Take rows in an order, under stamps of row numbers."""
     damaged = log.rows(rows)
     stamps = np.round(log.t[0] + np.arange(len(rows)) * log.step, 6)
     jumps = stamps[1:][np.abs(np.diff(damaged.t) - log.step) > 0.01 * log.step]
     spans = [(t, t) for t in jumps.tolist()]
-    return Trial(what, log, damaged.changed(time=stamps), frozenset({"time", touched}), spans, always)
+    return Trial(
+        what, log, damaged.changed(time=stamps), frozenset({"time", touched}), spans, always
+    )
 
 
 @fault("clock: starts again", 12)
 def restarted(rng: Rng, k: int, log: Log) -> Trial:
-    """The clock starts again at zero within a payout or anywhere, or wraps at 32.768 or 65.536 s."""
+    """The clock starts again at zero within a payout or anywhere, or wraps at 32.768 or 65.536
+    s.
+    """
     a, _ = spot(rng, log, 0.1)
     period = 32.768 * float(rng.integers(1, 3))
-    stamps = np.where(np.arange(len(log.t)) < a, log.t, log.t - log.t[a]) if k % 3 else np.mod(log.t, period)
+    stamps = (
+        np.where(np.arange(len(log.t)) < a, log.t, log.t - log.t[a])
+        if k % 3
+        else np.mod(log.t, period)
+    )
     what = f"clock starts again at row {a}" if k % 3 else f"clock wraps at {period} s"
-    return Trial(what, log, log.changed(time=np.round(stamps, 6).astype(np.float64)), frozenset({"time"}))
+    return Trial(
+        what, log, log.changed(time=np.round(stamps, 6).astype(np.float64)), frozenset({"time"})
+    )
 
 
 @fault("clock: coarse stamps", 12)
 def coarse_stamps(rng: Rng, k: int, log: Log) -> Trial:
-    """Stamps cut to 2 to 50 sampling intervals, or rows that arrive in bursts of 2 to 50 a millisecond apart."""
+    """Stamps cut to 2 to 50 sampling intervals, or rows that arrive in bursts of 2 to 50 a
+    millisecond apart.
+    """
     size = round(log_uniform(rng, 2, 50))
     number = np.arange(len(log.t))
     stamps = log.t[number // size * size]
@@ -298,14 +351,20 @@ def coarse_stamps(rng: Rng, k: int, log: Log) -> Trial:
 
 @fault("counter starts again", 12)
 def counter_restarted(rng: Rng, k: int, log: Log) -> Trial:
-    """The encoder's counter returns to zero within a payout, in a log with or without a velocity column."""
+    """The encoder's counter returns to zero within a payout, in a log with or without a velocity
+    column.
+    """
     a, _ = spot(rng, log, 0.1)
     x = log["displacement"].copy()
     x[a:] = np.round(x[a:] - x[a], 4)
     log = log if k % 2 else without_velocity(log)
     touched = frozenset({"displacement", "velocity"})
     return Trial(
-        f"displacement starts again at row {a}", log, log.changed(displacement=x), touched, times(log, [(a, a + 1)])
+        f"displacement starts again at row {a}",
+        log,
+        log.changed(displacement=x),
+        touched,
+        times(log, [(a, a + 1)]),
     )
 
 
@@ -323,16 +382,26 @@ def slow_channel(rng: Rng, k: int, log: Log) -> Trial:
     size = max(2, round(log_uniform(rng, 2.0 * log.step, 1.0) * log.rate))
     kept = np.arange(len(log.t)) % size == 0
     columns = {c: np.where(kept, log[c], (0.0, np.nan)[k % 2]) for c in some(rng, k)}
-    return Trial(f"{', '.join(columns)} updated every {size} rows", log, log.changed(**columns), frozenset(columns))
+    return Trial(
+        f"{', '.join(columns)} updated every {size} rows",
+        log,
+        log.changed(**columns),
+        frozenset(columns),
+    )
 
 
 @fault("scattered losses", 12, RATES)
 def scattered(rng: Rng, k: int, log: Log) -> Trial:
-    """0.5 to 30 % of the samples lost at random, written as zero, as a code or as the sample before."""
+    """0.5 to 30 % of the samples lost at random, written as zero, as a code or as the sample
+    before.
+    """
     share = log_uniform(rng, 0.005, 0.3)
     lost = rng.random(len(log.t)) < share
     fill = (0.0, CODES[rng.integers(len(CODES))], np.nan)[k % 3]
-    columns = {c: np.where(lost, np.roll(log[c], 1) if fill != fill else fill, log[c]) for c in some(rng, k)}
+    columns = {
+        c: np.where(lost, np.roll(log[c], 1) if fill != fill else fill, log[c])
+        for c in some(rng, k)
+    }
     what = f"{100 * share:.1f} % of {', '.join(columns)} lost, {fill:g} (nan: the sample before) instead"
     return Trial(what, log, log.changed(**columns), frozenset(columns))
 
@@ -362,7 +431,9 @@ def coarse_digits(rng: Rng, k: int, log: Log) -> Trial:
     step = float(f"{log_uniform(rng, 0.003, 0.3) * np.max(np.abs(log[channel])):.1g}")
     how = (np.round, np.trunc, np.floor)[k % 3]
     damaged = log.changed(**{channel: np.round(how(log[channel] / step) * step, 6)})
-    return Trial(f"{channel} in steps of {step:g} by {how.__name__}", log, damaged, frozenset({channel}))
+    return Trial(
+        f"{channel} in steps of {step:g} by {how.__name__}", log, damaged, frozenset({channel})
+    )
 
 
 # --- load, gains, zeros, lags
@@ -374,12 +445,20 @@ def stated_load(rng: Rng, k: int, log: Log) -> Trial:
     factor = log_uniform(rng, 1.12, 3.0)
     load = (log.load or 1.0) * (factor, 1.0 / factor, factor, 1e3, 1e-3, np.inf)[k % 6]
     touched = frozenset({"load", *ELECTRICAL})
-    return Trial(f"load {load:.4g} stated for {log.load} ohm", log, replace(log, load=load), touched, always=True)
+    return Trial(
+        f"load {load:.4g} stated for {log.load} ohm",
+        log,
+        replace(log, load=load),
+        touched,
+        always=True,
+    )
 
 
 @fault("gain of vdc or idc", 12)
 def wrong_gain(rng: Rng, k: int, log: Log) -> Trial:
-    """A gain of Vdc or Idc that is 12 % to a factor of 2 off, or 2, 5, 10 or 1000; or Idc computed with a wrong load."""
+    """A gain of Vdc or Idc that is 12 % to a factor of 2 off, or 2, 5, 10 or 1000; or Idc
+    computed with a wrong load.
+    """
     factor = log_uniform(rng, 1.12, 2.0) if k % 5 < 3 else (2.0, 5.0, 10.0, 1000.0)[rng.integers(4)]
     factor = factor if rng.random() < 0.5 else 1.0 / factor
     load = (log.load or 1.0) * factor
@@ -387,25 +466,33 @@ def wrong_gain(rng: Rng, k: int, log: Log) -> Trial:
     damaged = log.changed(**{channel: factor * log[channel]})
     if k % 4 == 3:
         channel, damaged = "idc", replace(log.changed(idc=log["vdc"] / load), load=load)
-    return Trial(f"gain or load of {channel} times {factor:.4g}", log, damaged, frozenset({channel, "load"}))
+    return Trial(
+        f"gain or load of {channel} times {factor:.4g}", log, damaged, frozenset({channel, "load"})
+    )
 
 
 def late(log: Log, channel: str, lag: float | Signal) -> Signal:
     """A channel read late; beyond the ends it goes on mirrored. [s]"""
     low, high = log.t[0], log.t[-1]
     t = log.t - lag
-    return np.interp(np.where(t < low, 2 * low - t, np.where(t > high, 2 * high - t, t)), log.t, log[channel])
+    return np.interp(
+        np.where(t < low, 2 * low - t, np.where(t > high, 2 * high - t, t)), log.t, log[channel]
+    )
 
 
 LAGS = (
     (0.1, ("velocity",)), (0.1, ("idc",)), (0.25, ("torque",)), (0.25, ("force",)), (0.25, ("torque", *ELECTRICAL)),
 )  # fmt: skip
-"""Smallest lag that is to be reported, where one sample is less [s], and the channels that are late together."""
+"""Smallest lag that is to be reported, where one sample is less [s], and the channels that are
+late together.
+"""
 
 
 @fault("lag", 30)
 def lag(rng: Rng, k: int, log: Log) -> Trial:
-    """Channels late or early by the smallest lag that is to be reported to 2 s; in some trials from a place on."""
+    """Channels late or early by the smallest lag that is to be reported to 2 s; in some trials
+    from a place on.
+    """
     smallest, channels = LAGS[k % 5]
     size = either(rng, 1.05 * max(smallest, log.step), 2.0)
     begin = spot(rng, log, 0.1)[0] if k % 4 == 3 else 0
@@ -423,7 +510,9 @@ def second_clock(rng: Rng, k: int, log: Log) -> Trial:
 
 @fault("low-pass filter", 12)
 def filtered(rng: Rng, k: int, log: Log) -> Trial:
-    """A filter of first order with a time constant of 0.1 s (or one sample) to 1.5 s in one amplifier."""
+    """A filter of first order with a time constant of 0.1 s (or one sample) to 1.5 s in one
+    amplifier.
+    """
     channel = ("velocity", "torque", "vdc", "idc")[k % 4]
     tau = log_uniform(rng, 1.05 * max(0.25 if channel == "torque" else 0.1, log.step), 1.5)
     return whole(log, f"filter of {tau:.3f} s", **{channel: low_pass(log, log[channel], tau)})
@@ -439,7 +528,11 @@ def low_pass(log: Log, x: Signal, tau: float) -> Signal:
 def clipped(rng: Rng, k: int, log: Log) -> Trial:
     """An amplifier that saturates at 70 to 97 % of the largest value."""
     share, channel = rng.uniform(0.70, 0.97), POWERS[k % 4]
-    return whole(log, f"clipped at {share:.3f}", **{channel: np.minimum(log[channel], share * log[channel].max())})
+    return whole(
+        log,
+        f"clipped at {share:.3f}",
+        **{channel: np.minimum(log[channel], share * log[channel].max())},
+    )
 
 
 ZEROS = {
@@ -449,20 +542,30 @@ ZEROS = {
     "force": (85.0, 800.0),
     "velocity": (0.005, 0.028),
 }
-"""Offsets from five standard uncertainties of a zero on; force from where its band at rest may end. In the file's unit."""
+"""Offsets from five standard uncertainties of a zero on; force from where its band at rest may
+end. In the file's unit.
+"""
 
 
 @fault("zero", 30)
 def zero(rng: Rng, k: int, log: Log) -> Trial:
-    """A zero that is off all over the log; that of torque, Idc or Vdc in some trials drifts or steps at a place."""
+    """A zero that is off all over the log; that of torque, Idc or Vdc in some trials drifts or
+    steps at a place.
+    """
     channel = list(ZEROS)[k % 5]
     size = either(rng, *ZEROS[channel])
     begin = spot(rng, log, 0.1)[0]
     rows = np.arange(len(log.t), dtype=np.float64)
-    how, shape = [("all over", 1.0), ("drifting", rows / len(rows)), (f"from row {begin} on", rows >= begin)][
-        k // 5 % 3 if channel in ("torque", "idc", "vdc") else 0
-    ]
-    return whole(log, f"zero {size:+.4g} {how}", **{channel: log[channel] + size * np.asarray(shape, np.float64)})
+    how, shape = [
+        ("all over", 1.0),
+        ("drifting", rows / len(rows)),
+        (f"from row {begin} on", rows >= begin),
+    ][k // 5 % 3 if channel in ("torque", "idc", "vdc") else 0]
+    return whole(
+        log,
+        f"zero {size:+.4g} {how}",
+        **{channel: log[channel] + size * np.asarray(shape, np.float64)},
+    )
 
 
 @fault("gain that changes", 24)
@@ -476,4 +579,6 @@ def changing_gain(rng: Rng, k: int, log: Log) -> Trial:
     later, one_cycle = rows >= starts[cycle], (rows >= starts[cycle]) & (rows < starts[cycle + 1])
     how = ("from a cycle on", "in a cycle", "drifting")[k % 3]
     shape = np.asarray((later, one_cycle, rows / len(rows))[k % 3], np.float64)
-    return whole(log, f"gain {100 * change:+.1f} % {how}", **{channel: log[channel] * (1 + change * shape)})
+    return whole(
+        log, f"gain {100 * change:+.1f} % {how}", **{channel: log[channel] * (1 + change * shape)}
+    )

@@ -1,4 +1,6 @@
-"""Injected faults are found as they were recorded, and logs without a fault have no more false findings."""
+"""Injected faults are found as they were recorded, and logs without a fault have no more false
+findings.
+"""
 
 import contradictions  # noqa: F401  registers its faults
 import injected_files  # noqa: F401  registers its faults
@@ -19,7 +21,10 @@ FAST_SOURCES = ("campaign", "fixtures at other rates")
 
 @pytest.mark.parametrize("name", list(FAULTS))
 def test_the_first_trials_of_a_fault_are_found_as_recorded(name: str) -> None:
-    assert not is_worse(found := letters(name, range(FAST)), before := FAULTS_BEFORE[name]), (found, before)
+    assert not is_worse(found := letters(name, range(FAST)), before := FAULTS_BEFORE[name]), (
+        found,
+        before,
+    )
 
 
 @pytest.mark.slow
@@ -32,7 +37,8 @@ def test_all_trials_of_a_fault_are_found_as_recorded(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "source", [pytest.param(s, marks=() if s in FAST_SOURCES else pytest.mark.slow) for s in SOURCES]
+    "source",
+    [pytest.param(s, marks=() if s in FAST_SOURCES else pytest.mark.slow) for s in SOURCES],
 )
 def test_logs_without_a_fault_have_no_more_false_findings(source: str) -> None:
     if source in ("labelled", "harder", "own_simulation") and not SHARED.is_dir():

@@ -15,18 +15,26 @@ AROUND = 2.0
 """A finding this near to the damage points to its time. [s]"""
 
 DETECTED, REPORTED, ASTRAY, HARMLESS, SILENT = "D", "d", "a", ".", "S"
-"""Letters of a trial: pointed to and the numbers right, pointed to with numbers that moved, another finding only, no finding
-and no number moved, no finding though a number moved."""
+"""Letters of a trial: pointed to and the numbers right, pointed to with numbers that moved, another
+finding only, no finding and no number moved, no finding though a number moved."""
 
 
 def moved(true: Result, found: Result) -> list[str]:
-    """List the means that differ by more than the bar, and a number of complete cycles or a load that differs."""
-    changes = [] if true.cycles == found.cycles else [f"{found.cycles} for {true.cycles} complete cycles"]
+    """List the means that differ by more than the bar, and a number of complete cycles or a load
+    that differs.
+    """
+    changes = (
+        [] if true.cycles == found.cycles else [f"{found.cycles} for {true.cycles} complete cycles"]
+    )
     for metric, old in true.mean.items():
         new = found.mean.get(metric)
         if old and (new is None or abs(new / old - 1.0) > BAR):
-            changes.append(f"{metric} {'missing' if new is None else f'{100 * (new / old - 1.0):+.2f} %'}")
-    if true.load is not None and (found.load is None or not np.isclose(found.load, true.load, rtol=0.01)):
+            changes.append(
+                f"{metric} {'missing' if new is None else f'{100 * (new / old - 1.0):+.2f} %'}"
+            )
+    if true.load is not None and (
+        found.load is None or not np.isclose(found.load, true.load, rtol=0.01)
+    ):
         changes.append(f"load {found.load}")
     return changes
 
@@ -44,14 +52,20 @@ def points_to(finding: Finding, trial: Trial) -> bool:
         return finding.kind != "unknown_column"
     if finding.start is None or finding.end is None:
         return False
-    return any(finding.start - AROUND <= end and start <= finding.end + AROUND for start, end in trial.spans)
+    return any(
+        finding.start - AROUND <= end and start <= finding.end + AROUND
+        for start, end in trial.spans
+    )
 
 
 def judged(made: Trial) -> tuple[str, str]:
     """The letter of a trial, and in words what it moved and what was found."""
     true, found = truth(made.true), result(made.damaged)
     if true.rejected:
-        raise ValueError(f"the undamaged log {made.true.name} at {made.true.rate:g} Hz was rejected: {true.rejected}")
+        raise ValueError(
+            f"the undamaged log {made.true.name} at {made.true.rate:g} Hz was rejected: "
+            f"{true.rejected}"
+        )
     if found.rejected:
         return DETECTED, f"rejected: {found.rejected}"
     changes, findings = moved(true, found), new_findings(true, found)

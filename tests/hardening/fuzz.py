@@ -1,7 +1,9 @@
-"""Damaged files: each is read or rejected in one sentence; anything else is a fault that its number makes again.
+"""Damaged files: each is read or rejected in one sentence; anything else is a fault that its number
+makes again.
 
-`python tests/hardening/fuzz.py --inputs 5000 --first 0` prints counts and returns 1 on a fault; `--only tdms` does one kind.
-Memory is limited by the system: an input that takes more than a file of its size may ends the program, and is its last line.
+`python tests/hardening/fuzz.py --inputs 5000 --first 0` prints counts and returns 1 on a fault;
+`--only tdms` does one kind. Memory is limited by the system: an input that takes more than a file
+of its size may ends the program, and is its last line.
 """
 
 from __future__ import annotations
@@ -27,14 +29,18 @@ SECONDS = 60
 """A file that takes longer hangs."""
 
 MEMORY = 3 << 30
-"""Addresses that the process may reserve beside what it has at its start; a reader reserves more than it takes. [bytes]"""
+"""Addresses that the process may reserve beside what it has at its start; a reader reserves more
+than it takes. [bytes]
+"""
 
 
 def read_log(path: Path) -> None:
     """Read and reduce a log, and look whether what comes out is sound."""
     run = read_run(path)
     assert bool(np.all(np.diff(run.t) > 0)), "stamps that do not rise"
-    assert all(np.isfinite(x).all() and x.size == run.t.size for x in run.channels.values()), "a channel not finite"
+    assert all(np.isfinite(x).all() and x.size == run.t.size for x in run.channels.values()), (
+        "a channel not finite"
+    )
     reduce(run)
 
 
@@ -52,7 +58,9 @@ READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
 def judged(form: str, number: int, folder: Path) -> str:
     """Read one input: `read`, `rejected`, or what is wrong."""
     name, read = READERS.get(form, ("log.dat", read_log))
-    path = folder / form / name  # a folder of its own: a campaign.toml beside a log would be read with it
+    path = (
+        folder / form / name
+    )  # a folder of its own: a campaign.toml beside a log would be read with it
     path.parent.mkdir(exist_ok=True)
     path.write_bytes(mutated(form, number))
     signal.alarm(SECONDS)
@@ -72,7 +80,9 @@ def judged(form: str, number: int, folder: Path) -> str:
 
 def main() -> int:
     """Run the program."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--inputs", type=int, default=1000)
     parser.add_argument("--first", type=int, default=0, help="number of the first input")
     parser.add_argument("--only", choices=list(SEEDS), help="inputs of this kind alone")

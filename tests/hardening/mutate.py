@@ -1,4 +1,6 @@
-"""Mutations: whole files made into damaged, lying and nonsensical ones, each from one number that makes it again."""
+"""Mutations: whole files made into damaged, lying and nonsensical ones, each from one number
+that makes it again.
+"""
 
 import random
 import re
@@ -12,7 +14,8 @@ MAX_BYTES = 400_000
 WORDS = [
     b"\0", b"\0" * 64, b'"', b"'", b",", b";", b"\t", b"|", b"\n", b"\r", b"\r\n", b"\n\n", b"NaN", b"\xff", b"\xfe\xff",
     b"\xef\xbb\xbf", b"\x1a", b"\x1b[31m", b"OVL", b" ", b"Time (s),", b"Velocity (m/s)", b"Vdc (V),", b"(", b")", b"[", b"]",
-    b"[[run]]", b"[[row]]", b" = ", b":", b"#", b"2026-01-01 00:00:00", b"24:61:61", b"0000-00-00 00:00:00", b"\xa4\xa4",
+    b"[[run]]", b"[[row]]", b" = ", b":", b"#", b"2026-01-01 00:00:00", b"24:61:61", b"0000-00-00 "
+                                                                                     b"00:00:00", b"\xa4\xa4",
     b"9999-12-31 23:59:59.9", b"***End_of_Header***\n", b"\xe2\x88\x92", b"true", b"\\ud800", b"{}", b'""', b"07:32:00", b"0o7",
 ]  # fmt: skip
 """What readers stumble over, put in as it is."""
@@ -23,7 +26,20 @@ NUMBERS = [
 ]  # fmt: skip
 """What stands in place of a number of a text."""
 
-WHOLE = [*range(8), 127, 128, 255, 256, 0x7FFF, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 1 << 40, 1 << 63]
+WHOLE = [
+    *range(8),
+    127,
+    128,
+    255,
+    256,
+    0x7FFF,
+    0xFFFF,
+    0x7FFFFFFF,
+    0x80000000,
+    0xFFFFFFFF,
+    1 << 40,
+    1 << 63,
+]
 """What stands in place of a length of a header."""
 
 NUMBER = re.compile(rb"(?<![\w.])-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
@@ -32,13 +48,21 @@ NUMBER = re.compile(rb"(?<![\w.])-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 def place(data: bytearray, chance: random.Random) -> int:
     """A place: anywhere, or near the beginning or the end, where headers and footers stand."""
     near = min(len(data), chance.choice((64, 400, 2000)))
-    return chance.choice((chance.randrange(len(data)), chance.randrange(near), len(data) - 1 - chance.randrange(near)))
+    return chance.choice(
+        (
+            chance.randrange(len(data)),
+            chance.randrange(near),
+            len(data) - 1 - chance.randrange(near),
+        )
+    )
 
 
 def flip(data: bytearray, chance: random.Random) -> None:
     """Change one bit or one byte."""
     at = place(data, chance)
-    data[at] = data[at] ^ (1 << chance.randrange(8)) if chance.random() < 0.5 else chance.randrange(256)
+    data[at] = (
+        data[at] ^ (1 << chance.randrange(8)) if chance.random() < 0.5 else chance.randrange(256)
+    )
 
 
 def put(data: bytearray, chance: random.Random) -> None:
@@ -74,7 +98,11 @@ def whole(data: bytearray, chance: random.Random) -> None:
     size = chance.choice((2, 4, 4, 8))
     at = place(data, chance)
     old = int.from_bytes(data[at : at + size], "little")
-    new = chance.choice(WHOLE) if chance.random() < 0.6 else old + chance.choice((-8, -1, 1, 8, 1000, len(data)))
+    new = (
+        chance.choice(WHOLE)
+        if chance.random() < 0.6
+        else old + chance.choice((-8, -1, 1, 8, 1000, len(data)))
+    )
     data[at : at + size] = (new % (1 << 8 * size)).to_bytes(size, chance.choice(("little", "big")))
 
 
@@ -89,7 +117,9 @@ def lines(data: bytearray, chance: random.Random) -> None:
 
 def sign(data: bytearray, chance: random.Random) -> None:
     """Exchange one sign for another in all the file."""
-    old, new = chance.sample((b",", b";", b"\t", b".", b" ", b"-", b"(", b'"', b"=", b"[", b"1", b"0", b":"), 2)
+    old, new = chance.sample(
+        (b",", b";", b"\t", b".", b" ", b"-", b"(", b'"', b"=", b"[", b"1", b"0", b":"), 2
+    )
     data[:] = bytes(data).replace(old, new)
 
 
@@ -108,7 +138,11 @@ def mutated(form: str, seed: int) -> bytes:
         start.startswith(b"PK\x03\x04") and chance.random() < 0.7
     ):  # one part alone, so that the damage comes to the reader
         parts = unzipped(start)
-        name = max(parts, key=lambda part: len(parts[part])) if chance.random() < 0.6 else chance.choice(list(parts))
+        name = (
+            max(parts, key=lambda part: len(parts[part]))
+            if chance.random() < 0.6
+            else chance.choice(list(parts))
+        )
         return zipped({**parts, name: changed(parts[name], TEXT, chance)})
     return changed(start, BYTES if form in BINARY else TEXT, chance)
 

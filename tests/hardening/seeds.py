@@ -1,4 +1,6 @@
-"""Whole files of every kind that is read: what a mutation starts from, the same bytes at every call."""
+"""Whole files of every kind that is read: what a mutation starts from, the same bytes at every
+call.
+"""
 
 import datetime as dt
 import io
@@ -35,7 +37,9 @@ EPOCH = (1980, 1, 1, 0, 0, 0)
 """The date of every part of a zipped file, as its bytes must be the same at every call."""
 
 
-def text(delimiter: str = ",", decimal: str = ".", end: str = "\n", rows: Sequence[Sequence[str]] = ROWS) -> str:
+def text(
+    delimiter: str = ",", decimal: str = ".", end: str = "\n", rows: Sequence[Sequence[str]] = ROWS
+) -> str:
     """The log as delimited text."""
     table = [delimiter.join(row).replace(".", decimal) for row in rows]
     return end.join([delimiter.join(HEADERS), *table, ""])
@@ -50,13 +54,24 @@ def stamped() -> str:
 def lvm() -> str:
     """The log as LabVIEW's measurement file."""
     top = "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tOne\n"
-    top += "***End_of_Header***\t\n\nChannels\t7\nDelta_X" + f"\t{STEP}" * 7 + "\n***End_of_Header***\n"
-    return top + "\t".join(["X_Value", *HEADERS[1:], "Comment"]) + "\n" + "".join("\t".join(r) + "\t\n" for r in ROWS)
+    top += (
+        "***End_of_Header***\t\n\nChannels\t7\nDelta_X"
+        + f"\t{STEP}" * 7
+        + "\n***End_of_Header***\n"
+    )
+    return (
+        top
+        + "\t".join(["X_Value", *HEADERS[1:], "Comment"])
+        + "\n"
+        + "".join("\t".join(r) + "\t\n" for r in ROWS)
+    )
 
 
 def delimited() -> list[bytes]:
     """The dialects of text."""
-    chinese = text("\t").replace("Time", "時間").replace("Vdc", "直流電壓").replace("Idc", "直流電流")
+    chinese = (
+        text("\t").replace("Time", "時間").replace("Vdc", "直流電壓").replace("Idc", "直流電流")
+    )
     return [
         text().encode(),
         text(";", ",", "\r\n").encode("utf-16"),
@@ -86,11 +101,16 @@ def tdms() -> list[bytes]:
         with TdmsWriter(str(path)) as writer:
             for k in range(segments):
                 parts = {name: np.array_split(DATA[name], segments)[k] for name, _ in columns}
-                channels = [ChannelObject("Crane", n, parts[n], waves | {"unit_string": unit}) for n, unit in columns]
+                channels = [
+                    ChannelObject("Crane", n, parts[n], waves | {"unit_string": unit})
+                    for n, unit in columns
+                ]
                 writer.write_segment([RootObject({"load_ohm": 36.0}), *channels])
 
     made = ((1, 1), (0, 1), (1, 4))
-    return [through_a_file(partial(write, clock=clock, segments=segments)) for clock, segments in made]
+    return [
+        through_a_file(partial(write, clock=clock, segments=segments)) for clock, segments in made
+    ]
 
 
 def mat() -> list[bytes]:
@@ -103,8 +123,13 @@ def mat() -> list[bytes]:
 
     log = {"log": DATA | {"units": dict(zip(NAMES, UNITS, strict=True))}, "load_ohm": 36.0}
     later = [saved(log), saved(log, do_compression=True)]
-    head = b"MATLAB 5.0 MAT-file".ljust(116)  # without the date, so that the bytes are the same at every call
-    return [saved(DATA | {"load_ohm": 36.0}, format="4"), *(head + content[116:] for content in later)]
+    head = b"MATLAB 5.0 MAT-file".ljust(
+        116
+    )  # without the date, so that the bytes are the same at every call
+    return [
+        saved(DATA | {"load_ohm": 36.0}, format="4"),
+        *(head + content[116:] for content in later),
+    ]
 
 
 def mat73() -> list[bytes]:
@@ -115,7 +140,9 @@ def mat73() -> list[bytes]:
             log = file.create_group("log")
             units = log.create_group("units")
             for name, unit in zip(NAMES, UNITS, strict=True):
-                log.create_dataset(name, data=np.atleast_2d(DATA[name])).attrs["MATLAB_class"] = np.bytes_("double")
+                log.create_dataset(name, data=np.atleast_2d(DATA[name])).attrs["MATLAB_class"] = (
+                    np.bytes_("double")
+                )
                 letters = np.array([[ord(letter)] for letter in unit], dtype=np.uint16)
                 units.create_dataset(name, data=letters).attrs["MATLAB_class"] = np.bytes_("char")
         path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + path.read_bytes()[512:])
@@ -131,7 +158,10 @@ def parquet() -> list[bytes]:
         pq.write_table(table, stream, **options)
         return stream.getvalue()
 
-    fields = [pa.field(n, pa.float64(), metadata={"unit": unit}) for n, unit in zip(NAMES, UNITS, strict=True)]
+    fields = [
+        pa.field(n, pa.float64(), metadata={"unit": unit})
+        for n, unit in zip(NAMES, UNITS, strict=True)
+    ]
     numbers = pa.table(list(DATA.values()), schema=pa.schema(fields, metadata={"load_ohm": "36"}))
     stamps = pa.array((DATA["Time"] * 1e3).astype(np.int64), pa.timestamp("ms"))
     texts = {header: [row[k] for row in ROWS] for k, header in enumerate(HEADERS) if k}
@@ -181,13 +211,21 @@ def ods() -> bytes:
     """A workbook of LibreOffice."""
     words = "<table:table-cell office:value-type='string'><text:p>{0}</text:p></table:table-cell>"
     numbers = "<table:table-cell office:value-type='float' office:value='{0}'/>"
-    rows = ["".join((words if isinstance(cell, str) else numbers).format(cell) for cell in row) for row in sheet()]
-    spaces = " ".join(f"xmlns:{x}='urn:oasis:names:tc:opendocument:xmlns:{x}:1.0'" for x in ("office", "table", "text"))
+    rows = [
+        "".join((words if isinstance(cell, str) else numbers).format(cell) for cell in row)
+        for row in sheet()
+    ]
+    spaces = " ".join(
+        f"xmlns:{x}='urn:oasis:names:tc:opendocument:xmlns:{x}:1.0'"
+        for x in ("office", "table", "text")
+    )
     table = "".join(f"<table:table-row>{row}</table:table-row>" for row in rows)
     body = f"<office:spreadsheet><table:table table:name='Log'>{table}</table:table></office:spreadsheet>"
     content = f"<office:document-content {spaces}><office:body>{body}</office:body></office:document-content>"
     kind = b"application/vnd.oasis.opendocument.spreadsheet"
-    return zipped({"mimetype": kind, "META-INF/manifest.xml": b"<manifest/>", "content.xml": content.encode()})
+    return zipped(
+        {"mimetype": kind, "META-INF/manifest.xml": b"<manifest/>", "content.xml": content.encode()}
+    )
 
 
 def binary_workbook() -> bytes:
@@ -211,7 +249,9 @@ SEEDS: dict[str, Callable[[], list[bytes]]] = {
     "parquet": parquet,
     "excel": lambda: [workbook(), ods(), binary_workbook()],
     "xls": lambda: [xls.book(sheet())],
-    "rig": lambda: toml("winchcascade/rigfiles/hsu2026.toml", "winchcascade/rigfiles/kitepower.toml"),
+    "rig": lambda: toml(
+        "winchcascade/rigfiles/hsu2026.toml", "winchcascade/rigfiles/kitepower.toml"
+    ),
     "campaign": lambda: toml("fixtures/campaign/campaign.toml", "fixtures/measured/campaign.toml"),
     "table": lambda: toml("winchcascade/published/hsu2026-table2.toml"),
 }

@@ -1,4 +1,6 @@
-"""Damaged files of every kind are read or rejected in one sentence, and faults that were found stay mended."""
+"""Damaged files of every kind are read or rejected in one sentence, and faults that were found
+stay mended.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -40,14 +42,20 @@ def test_a_number_makes_the_same_file_at_every_call(form: str) -> None:
 
 # --- what was found and mended
 
-LOADERS: dict[str, Callable[[Path], object]] = {"rig": load_rig, "campaign": open_campaign, "table": audit}
+LOADERS: dict[str, Callable[[Path], object]] = {
+    "rig": load_rig,
+    "campaign": open_campaign,
+    "table": audit,
+}
 
 NUMBERS = ("9" * 5000, "-" + "9" * 400, "9223372036854775809", "[[1, {a = 99999999999999999999}]]")
 
 
 @pytest.mark.parametrize("number", NUMBERS, ids=lambda number: number[:20])
 @pytest.mark.parametrize("form", LOADERS)
-def test_a_whole_number_beyond_64_bits_is_one_sentence(form: str, number: str, tmp_path: Path) -> None:
+def test_a_whole_number_beyond_64_bits_is_one_sentence(
+    form: str, number: str, tmp_path: Path
+) -> None:
     path = tmp_path / "campaign.toml"
     path.write_text(f"title = {number}\n", encoding="utf-8")
     with pytest.raises(WinchcascadeError) as caught:
@@ -57,7 +65,9 @@ def test_a_whole_number_beyond_64_bits_is_one_sentence(form: str, number: str, t
 
 
 @pytest.mark.parametrize(
-    "content", [b'{"schema": "\xff"}', b"[" * 100_000, b'{"a": ' * 100_000], ids=["bytes", "lists", "deep"]
+    "content",
+    [b'{"schema": "\xff"}', b"[" * 100_000, b'{"a": ' * 100_000],
+    ids=["bytes", "lists", "deep"],
 )
 def test_json_that_is_no_text_or_too_deep_is_no_result(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "result.json"

@@ -1,4 +1,6 @@
-"""Harmful files: huge, lying, named to be obeyed, or no files at all. Each is read, or rejected in one sentence."""
+"""Harmful files: huge, lying, named to be obeyed, or no files at all. Each is read, or rejected
+in one sentence.
+"""
 
 import json
 import os
@@ -33,26 +35,41 @@ TABLE = "hsu2026-table2"
 MEMORY, SECONDS = 2000, 60
 """What a file of less than a megabyte may take: memory [MB] and time of the processor. [s]"""
 
-QUICK = ("xlsx, a cell in the last corner", "gzip, a million columns", "mat, a claimed length", "tdms, claimed samples")
+QUICK = (
+    "xlsx, a cell in the last corner",
+    "gzip, a million columns",
+    "mat, a claimed length",
+    "tdms, claimed samples",
+)
 """Bombs of every day, that are made and rejected in a second; slow tests do the others."""
 
 
 @LINUX
 @pytest.mark.parametrize("name", daily(BOMBS, QUICK))
-def test_a_small_file_that_claims_much_is_read_or_rejected_within_limits(name: str, tmp_path: Path) -> None:
+def test_a_small_file_that_claims_much_is_read_or_rejected_within_limits(
+    name: str, tmp_path: Path
+) -> None:
     path = tmp_path / "bomb.dat"
     path.write_bytes(BOMBS[name]())
     assert path.stat().st_size < 10**6
     ended = run_alone("-m", "winchcascade", "reduce", str(path))
-    assert ended.code == 0 or (ended.code == 2 and ended.err.startswith("winchcascade: bomb.dat: ")), ended
+    assert ended.code == 0 or (
+        ended.code == 2 and ended.err.startswith("winchcascade: bomb.dat: ")
+    ), ended
     assert ended.err.count("\n") <= 1
     assert ended.seconds < SECONDS
     assert ended.memory < MEMORY
 
 
 def test_the_memory_of_a_command_is_not_that_of_the_process_that_starts_it() -> None:
-    path, filled = f"import sys; sys.path.insert(0, {str(ROOT / 'tests')!r})", "x = b'1' * 500_000_000"
-    started = run_alone("-c", f"{path}; {filled}; from own_process import run_alone; print(run_alone('-c', '').memory)")
+    path, filled = (
+        f"import sys; sys.path.insert(0, {str(ROOT / 'tests')!r})",
+        "x = b'1' * 500_000_000",
+    )
+    started = run_alone(
+        "-c",
+        f"{path}; {filled}; from own_process import run_alone; print(run_alone('-c', '').memory)",
+    )
     assert float(started.out) < 100 < 400 < started.memory
 
 
@@ -90,18 +107,25 @@ BAD: dict[str, Callable[[Path], object]] = {
 
 def with_file(command: str, file: Path, out: Path) -> list[str]:
     """The arguments of a command on a file."""
-    return [word.replace("FILE", str(file)).replace("OUT", str(out)) for word in shlex.split(COMMANDS[command])]
+    return [
+        word.replace("FILE", str(file)).replace("OUT", str(out))
+        for word in shlex.split(COMMANDS[command])
+    ]
 
 
 @POSIX
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_command_rejects_what_is_no_file_of_the_kind_in_one_sentence(command: str, tmp_path: Path) -> None:
+def test_a_command_rejects_what_is_no_file_of_the_kind_in_one_sentence(
+    command: str, tmp_path: Path
+) -> None:
     def check(bad: str, name: str) -> None:
         path = tmp_path / bad / "in put" / name
         path.parent.mkdir(parents=True)
         BAD[bad](path)
         arguments = with_file(command, path, tmp_path / bad)
-        if command == "batch" and path.is_file() and path.suffix != ".toml":  # a log that fails does not stop a batch
+        if (
+            command == "batch" and path.is_file() and path.suffix != ".toml"
+        ):  # a log that fails does not stop a batch
             called = call(*arguments)
             assert called.code == 1
             assert "0 of 1 logs reduced" in called.out
@@ -115,15 +139,22 @@ def test_a_command_rejects_what_is_no_file_of_the_kind_in_one_sentence(command: 
 
 @POSIX
 @pytest.mark.parametrize("command", ["reduce", "reduce --rig", "batch", "audit", "diagnose"])
-def test_a_file_that_may_not_be_read_is_reported_by_every_command(command: str, tmp_path: Path) -> None:
+def test_a_file_that_may_not_be_read_is_reported_by_every_command(
+    command: str, tmp_path: Path
+) -> None:
     path = tmp_path / "locked.toml"
     path.write_text("x")
     path.chmod(0)
-    everything = ["setpriv", "--bounding-set=-dac_override,-dac_read_search"]  # which the superuser may read
+    everything = [
+        "setpriv",
+        "--bounding-set=-dac_override,-dac_read_search",
+    ]  # which the superuser may read
     if os.getuid() == 0 and shutil.which(everything[0]) is None:
         pytest.skip("needs setpriv")
     python = [*(everything if os.getuid() == 0 else []), sys.executable, "-m", "winchcascade"]
-    done = subprocess.run([*python, *with_file(command, path, tmp_path)], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [*python, *with_file(command, path, tmp_path)], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 2, done
     assert done.stderr.count("\n") == 1
     assert "locked.toml" in done.stderr
@@ -165,7 +196,9 @@ def harmless(said: str) -> bool:
 
 @POSIX
 @pytest.mark.parametrize("encoding", ["utf-8", "ascii", "cp950"])
-def test_a_terminal_of_any_letters_obeys_nothing_of_a_name(named: Path, encoding: str, tmp_path: Path) -> None:
+def test_a_terminal_of_any_letters_obeys_nothing_of_a_name(
+    named: Path, encoding: str, tmp_path: Path
+) -> None:
     out = tmp_path / "-out \x1b[31m 測試"
     log = min(named.glob("*.csv"))
     called = [
@@ -205,12 +238,20 @@ def test_reports_tables_and_records_show_a_name_and_obey_nothing_of_it(
         assert "#let" in words
         assert "\x1b" not in words
     for sheet in openpyxl.load_workbook(out / "campaign.xlsx").worksheets:
-        assert not [cell.value for row in sheet.iter_rows() for cell in row if cell.data_type == "f"]
-    assert {path.parent for path in out.rglob("*") if path.is_file()} == {out, out / "runs", out / "dataset"}
+        assert not [
+            cell.value for row in sheet.iter_rows() for cell in row if cell.data_type == "f"
+        ]
+    assert {path.parent for path in out.rglob("*") if path.is_file()} == {
+        out,
+        out / "runs",
+        out / "dataset",
+    }
 
 
 def obeyed(said: str) -> list[str]:
-    """The commands that a runner of GitHub finds in what a step prints, one for each line or part of one."""
+    """The commands that a runner of GitHub finds in what a step prints, one for each line or
+    part of one.
+    """
     return [x for x in re.split("[\r\n]", said) if x.lstrip().startswith("::") or "##[" in x]
 
 
@@ -225,26 +266,37 @@ def obeyed(said: str) -> list[str]:
         "\u2028::warning::x",
     ],
 )
-def test_a_runner_of_github_and_its_records_obey_nothing_of_a_name(words: str, tmp_path: Path) -> None:
+def test_a_runner_of_github_and_its_records_obey_nothing_of_a_name(
+    words: str, tmp_path: Path
+) -> None:
     name = f"{words.replace('/', '')}.csv"
     shutil.copy(LOG, tmp_path / name)
     (tmp_path / "campaign.toml").write_text(
-        f"title = {json.dumps(words)}\n[[run]]\nfile = {json.dumps(name)}\nload_ohm = 36\nwindow_s = 5.48\n",
+        f"title = {json.dumps(words)}\n[[run]]\nfile = {json.dumps(name)}\nload_ohm = "
+        f"36\nwindow_s = 5.48\n",
         encoding="utf-8",
     )
     table, junit, out = tmp_path / "t.toml", tmp_path / "junit.xml", tmp_path / "out"
     table.write_text(
-        f"title = {json.dumps(words)}\nsource = {json.dumps(words)}\n[columns]\neta_pto = {{ unit = '1', decimals = 3 }}\n"
+        f"title = {json.dumps(words)}\nsource = {json.dumps(words)}\n[columns]\neta_pto = {{ unit "
+        f"= '1', decimals = 3 }}\n"
         "[[row]]\nload_ohm = 36\neta_pto = 0.1\n",
         encoding="utf-8",
     )
-    calls: list[list[str | Path]] = [["reduce", tmp_path / name], ["reduce", words], ["audit", table]]
+    calls: list[list[str | Path]] = [
+        ["reduce", tmp_path / name],
+        ["reduce", words],
+        ["audit", table],
+    ]
     for called in [batch(tmp_path, out), *(call(*arguments) for arguments in calls)]:
         assert called.out or called.err
         assert obeyed(called.out) + obeyed(called.err) == []
     own = obeyed(call("check", out, "--against", table, "--github", "--junit", junit).out)
     assert sum(x.startswith("::error ") for x in own) == 1
-    assert all(re.match(r"::(error|warning) file=[^,:]*t\.toml,line=\d+,title=[^,:]*::|::notice::", x) for x in own)
+    assert all(
+        re.match(r"::(error|warning) file=[^,:]*t\.toml,line=\d+,title=[^,:]*::|::notice::", x)
+        for x in own
+    )
     assert ElementTree.parse(junit).getroot().tag == "testsuites"
 
 
@@ -252,8 +304,12 @@ def test_a_runner_of_github_and_its_records_obey_nothing_of_a_name(words: str, t
 
 
 @POSIX
-@pytest.mark.parametrize("name", ["..", ".", "../..", "/", "a/../../b/..", "\\..\\..\\x", "CON", "a\u0000b", "x" * 300])
-def test_a_campaign_that_names_no_file_writes_nothing_beyond_the_folder_of_results(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "name", ["..", ".", "../..", "/", "a/../../b/..", "\\..\\..\\x", "CON", "a\u0000b", "x" * 300]
+)
+def test_a_campaign_that_names_no_file_writes_nothing_beyond_the_folder_of_results(
+    name: str, tmp_path: Path
+) -> None:
     campaign = tmp_path / "in" / "campaign"
     campaign.mkdir(parents=True)
     (campaign / "campaign.toml").write_text(f"[[run]]\nfile = {json.dumps(name)}\nload_ohm = 36\n")
@@ -272,11 +328,16 @@ def test_a_campaign_may_name_logs_elsewhere_and_leaves_them_as_they_are(tmp_path
     shutil.copy(LOG, elsewhere / "a.csv")
     (campaign / "link.csv").symlink_to(elsewhere / "a.csv")
     (campaign / "campaign.toml").write_text(
-        '[[run]]\nfile = "../else where/a.csv"\nload_ohm = 36\n[[run]]\nfile = "link.csv"\nload_ohm = 36\nwithheld = true\n'
+        '[[run]]\nfile = "../else where/a.csv"\nload_ohm = 36\n[[run]]\nfile = '
+        '"link.csv"\nload_ohm = 36\nwithheld = true\n'
     )
-    before = {path: path.lstat().st_mtime_ns for path in (*campaign.rglob("*"), *elsewhere.rglob("*"))}
+    before = {
+        path: path.lstat().st_mtime_ns for path in (*campaign.rglob("*"), *elsewhere.rglob("*"))
+    }
     assert batch(campaign, out).code in (0, 1, 2)
-    assert {path: path.lstat().st_mtime_ns for path in (*campaign.rglob("*"), *elsewhere.rglob("*"))} == before
+    assert {
+        path: path.lstat().st_mtime_ns for path in (*campaign.rglob("*"), *elsewhere.rglob("*"))
+    } == before
     assert (campaign / "link.csv").is_symlink()
 
 
@@ -288,7 +349,10 @@ def test_toml_with_carriage_returns_and_a_mark_says_the_same(kind: str, tmp_path
     shutil.copytree(ROOT / "fixtures" / "campaign", tmp_path / "campaign")
     log = tmp_path / "campaign" / LOG.name
     files = {
-        "campaign": (ROOT / "fixtures/campaign/campaign.toml", tmp_path / "campaign" / "campaign.toml"),
+        "campaign": (
+            ROOT / "fixtures/campaign/campaign.toml",
+            tmp_path / "campaign" / "campaign.toml",
+        ),
         "rig": (ROOT / "fixtures/campaign/rig.toml", tmp_path / "rig.toml"),
         "table": (ROOT / "winchcascade/published/hsu2026-table2.toml", tmp_path / "table.toml"),
     }

@@ -1,4 +1,6 @@
-"""Channels that measure one thing are compared: each difference is reported, and nothing that agrees is."""
+"""Channels that measure one thing are compared: each difference is reported, and nothing that
+agrees is.
+"""
 
 from collections.abc import Callable
 
@@ -32,7 +34,12 @@ def changed(name: str, change: Change) -> Checked:
 def findings(velocity: Change = lambda v: v, displacement: Change = lambda x: x) -> list[Finding]:
     signals = channels(table())
     log = Samples(
-        T, {"velocity": velocity(signals["velocity"]), "displacement": displacement(signals["displacement"])}, RIG
+        T,
+        {
+            "velocity": velocity(signals["velocity"]),
+            "displacement": displacement(signals["displacement"]),
+        },
+        RIG,
     )
     compare_motions(log)
     return log.findings
@@ -42,12 +49,16 @@ def coarse(step: float) -> Change:
     return lambda x: np.round(x / step) * step
 
 
-# ------------------------------------------------------------------------------------------------------- gain and zero
+# ---------------------------------------------------------------------------------- gain and zero
 @pytest.mark.parametrize("gain", [0.1, 0.5, 0.9, 0.985, 1.015, 1.1, 2.0, 5.0])
 def test_a_velocity_of_another_gain_is_reported_and_kept(gain: float) -> None:
     found = changed("velocity", lambda v: gain * v)
     (finding,) = found.findings
-    assert (finding.kind, finding.channel, finding.action) == ("out_of_range", "velocity", "reported and kept")
+    assert (finding.kind, finding.channel, finding.action) == (
+        "out_of_range",
+        "velocity",
+        "reported and kept",
+    )
     assert float(finding.message.split()[3]) == pytest.approx(gain, rel=SEEN_GAIN)
     assert np.array_equal(found.channels["velocity"], gain * channels(table())["velocity"])
 
@@ -56,7 +67,11 @@ def test_a_velocity_of_another_gain_is_reported_and_kept(gain: float) -> None:
 def test_a_velocity_with_another_zero_is_reported_and_kept(zero: float) -> None:
     found = changed("velocity", lambda v: v + zero)
     (finding,) = found.findings
-    assert (finding.kind, finding.channel, finding.action) == ("out_of_range", "velocity", "reported and kept")
+    assert (finding.kind, finding.channel, finding.action) == (
+        "out_of_range",
+        "velocity",
+        "reported and kept",
+    )
     assert float(finding.message.split()[2]) == pytest.approx(zero, abs=1e-3)
     assert np.array_equal(found.channels["velocity"], channels(table())["velocity"] + zero)
 
@@ -64,7 +79,9 @@ def test_a_velocity_with_another_zero_is_reported_and_kept(zero: float) -> None:
 @pytest.mark.parametrize("seconds", [0.5, 1.0, 2.0])
 def test_a_velocity_that_is_smoother_than_the_displacement_is_reported(seconds: float) -> None:
     rows = round(seconds * 25.0)
-    found = findings(lambda v: np.convolve(np.pad(v, rows, "edge"), np.ones(rows) / rows, "same")[rows:-rows])
+    found = findings(
+        lambda v: np.convolve(np.pad(v, rows, "edge"), np.ones(rows) / rows, "same")[rows:-rows]
+    )
     assert {f.kind for f in found} == {"channel_lag"}
 
 
@@ -85,12 +102,18 @@ HARMLESS: dict[str, tuple[Change, Change]] = {
     "a small zero": (lambda v: v + 0.003, lambda x: x),
     "set back every 20 s": (lambda v: v, lambda x: x - x[np.searchsorted(T, T // 20 * 20)]),
     "wraps at 5 m": (lambda v: v, lambda x: np.mod(x, 5.0)),
-    "counts both ways": (lambda v: v, lambda x: np.concatenate(([0.0], np.cumsum(np.abs(np.diff(coarse(0.01)(x))))))),
+    "counts both ways": (
+        lambda v: v,
+        lambda x: np.concatenate(([0.0], np.cumsum(np.abs(np.diff(coarse(0.01)(x)))))),
+    ),
     "is stuck for 5 s": (lambda v: v, lambda x: np.where((T > 9) & (T < 14), x[225], x)),
     "steps of 10 cm": (lambda v: v, coarse(0.1)),
     "velocity in steps of 0.1 m/s": (coarse(0.1), lambda x: x),
     "velocity half a second late": (lambda v: np.concatenate((np.zeros(12), v[:-12])), lambda x: x),
-    "holes in the velocity": (lambda v: np.where(np.arange(v.size) % 40 == 0, np.nan, v), lambda x: x),
+    "holes in the velocity": (
+        lambda v: np.where(np.arange(v.size) % 40 == 0, np.nan, v),
+        lambda x: x,
+    ),
     "a displacement at rest": (lambda v: v + 0.5, np.zeros_like),
 }
 
@@ -111,7 +134,7 @@ def test_blocks_leave_out_holes_and_gaps() -> None:
     assert blocks.v.size == 19 - 1 - 2
 
 
-# ------------------------------------------------------------------------------------------------ speed without a sign
+# --------------------------------------------------------------------------- speed without a sign
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_speed_without_a_sign_is_given_the_direction_of_the_displacement(sign: float) -> None:
     found = changed("velocity", lambda v: sign * np.abs(v))
@@ -133,15 +156,22 @@ def test_a_speed_without_a_sign_is_given_the_direction_of_the_displacement(sign:
     ],
     ids=["signed", "held", "counts both ways", "at rest", "payout alone"],
 )
-def test_no_other_velocity_passes_for_a_speed_without_a_sign(velocity: Change, displacement: Change) -> None:
+def test_no_other_velocity_passes_for_a_speed_without_a_sign(
+    velocity: Change, displacement: Change
+) -> None:
     signals = channels(table())
     log = Samples(
-        T, {"velocity": velocity(signals["velocity"]), "displacement": displacement(signals["displacement"])}, RIG
+        T,
+        {
+            "velocity": velocity(signals["velocity"]),
+            "displacement": displacement(signals["displacement"]),
+        },
+        RIG,
     )
     assert not is_without_sign(log, V_ONSET, STROKE)
 
 
-# ---------------------------------------------------------------------------------------------------- mechanical power
+# ------------------------------------------------------------------------------- mechanical power
 def with_power(factor: float) -> dict[str, Signal]:
     signals = channels(table())
     assert RIG.r_drum is not None
@@ -159,7 +189,9 @@ def test_a_logged_power_that_torque_contradicts_is_reported_and_kept(factor: flo
     (finding,) = of_power(with_power(factor))
     assert (finding.kind, finding.channel, finding.removed) == ("out_of_range", "power_mech", 0)
     assert float(finding.message.split()[2]) == pytest.approx(factor, rel=1e-3)
-    assert finding in check(T, with_power(factor), RIG, simulated=False, open_circuit=False).findings
+    assert (
+        finding in check(T, with_power(factor), RIG, simulated=False, open_circuit=False).findings
+    )
 
 
 def test_a_logged_power_that_agrees_or_cannot_be_compared_gives_no_finding() -> None:

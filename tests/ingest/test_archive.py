@@ -1,4 +1,6 @@
-"""Archives: the one log inside is read as if it lay beside them, whatever its format, and nothing is left behind."""
+"""Archives: the one log inside is read as if it lay beside them, whatever its format, and
+nothing is left behind.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,12 @@ def write(folder: Path, content: bytes, name: str = "run.dat") -> Path:
     return folder / name
 
 
-BESIDE = {"README.md": b"x", "day 1/LIESMICH.txt": b"y", "__MACOSX/._r36ohm.csv": b"x", "photo.jpg": b"y"}
+BESIDE = {
+    "README.md": b"x",
+    "day 1/LIESMICH.txt": b"y",
+    "__MACOSX/._r36ohm.csv": b"x",
+    "photo.jpg": b"y",
+}
 
 
 @pytest.mark.parametrize(
@@ -37,13 +44,17 @@ BESIDE = {"README.md": b"x", "day 1/LIESMICH.txt": b"y", "__MACOSX/._r36ohm.csv"
     ],
     ids=["gzip", "zip with other files", "without an ending"],
 )
-def test_a_compressed_log_gives_the_same_results(content: Callable[[], bytes], tmp_path: Path) -> None:
+def test_a_compressed_log_gives_the_same_results(
+    content: Callable[[], bytes], tmp_path: Path
+) -> None:
     run = read_run(write(tmp_path, content()))
     assert run.findings == ()
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
 
 
-@pytest.mark.parametrize("form", daily(("lvm", "tdms", "mat", "mat73", "parquet", "excel", "xls"), ("lvm", "excel")))
+@pytest.mark.parametrize(
+    "form", daily(("lvm", "tdms", "mat", "mat73", "parquet", "excel", "xls"), ("lvm", "excel"))
+)
 def test_a_log_of_any_format_may_be_inside(form: str, tmp_path: Path) -> None:
     inner = seeds(form)[0]
     plain = open_log(write(tmp_path, inner, "plain.dat"))
@@ -85,7 +96,10 @@ def encrypted() -> bytes:
     ("content", "words"),
     [
         (lambda: zipped({"a.csv": b"t,v\n" + bytes(150_000_000)}), "unpacks to more than 100 MB"),
-        (lambda: zipped({"a.zip": zipped({"b.csv": LOG})}), "a.zip: is an archive within an archive"),
+        (
+            lambda: zipped({"a.zip": zipped({"b.csv": LOG})}),
+            "a.zip: is an archive within an archive",
+        ),
         (lambda: zipped({}), "holds no file that could be a log"),
         (lambda: zipped({"a.csv": LOG})[:20_000], "is damaged or breaks off"),
         (lambda: gzip.compress(LOG)[:20_000], "is damaged or breaks off"),
@@ -95,6 +109,8 @@ def encrypted() -> bytes:
     ],
     ids=["bomb", "nested", "empty", "cut zip", "cut gzip", "an empty log", "no log", "encrypted"],
 )
-def test_an_archive_that_cannot_be_used_is_rejected(content: Callable[[], bytes], words: str, tmp_path: Path) -> None:
+def test_an_archive_that_cannot_be_used_is_rejected(
+    content: Callable[[], bytes], words: str, tmp_path: Path
+) -> None:
     with pytest.raises(LogError, match=rf"^run.dat: .*{words}"):
         read_run(write(tmp_path, content()))

@@ -1,4 +1,6 @@
-"""Files with several tables: a log is read where it is the only one or is named, and never chosen silently."""
+"""Files with several tables: a log is read where it is the only one or is named, and never
+chosen silently.
+"""
 
 import csv
 import json
@@ -24,7 +26,9 @@ UNITS = {"Time": "s", "Velocity": "m/s", "Force": "N"}
 
 
 def motion(seed: int, rows: int = 400) -> np.ndarray[Any, Any]:
-    """Time, velocity and force of a few payouts; each seed has its own force, so that it shows which was read."""
+    """Time, velocity and force of a few payouts; each seed has its own force, so that it shows
+    which was read.
+    """
     t = 0.04 * np.arange(rows)
     v = 0.8 * np.sin(2 * np.pi * t / 8.0)
     return np.column_stack([t, v, np.where(v > 0, 1500.0, 300.0) + 10.0 * seed + 5 * np.sin(7 * t)])
@@ -36,15 +40,22 @@ def peak(run: Any) -> int:
 
 
 def workbook(path: Path, runs: dict[str, int]) -> Path:
-    """Runs as sheets, the last one hidden, behind sheets of notes, parameters and bins, which are no logs."""
+    """Runs as sheets, the last one hidden, behind sheets of notes, parameters and bins, which
+    are no logs.
+    """
     book = openpyxl.Workbook(write_only=True)
     tables: dict[str, list[Any]] = {
         "Notes": [["note"], *[["the crane stood still", "by H."]] * 30],
-        "Parameters": [("Name", "Value", "Speed (m/s)"), *((f"p{k}", k, 0.1 * k) for k in range(6))],
+        "Parameters": [
+            ("Name", "Value", "Speed (m/s)"),
+            *((f"p{k}", k, 0.1 * k) for k in range(6)),
+        ],
         "Bins": [("Speed (rpm)", "Power (W)"), *((100 * k, 10.0 * k) for k in range(40))],
     }
     head = [f"{name} ({unit})" for name, unit in UNITS.items()]
-    for name, rows in (tables | {name: [head, *motion(seed).tolist()] for name, seed in runs.items()}).items():
+    for name, rows in (
+        tables | {name: [head, *motion(seed).tolist()] for name, seed in runs.items()}
+    ).items():
         sheet = book.create_sheet(name)
         for row in rows:
             sheet.append(row)
@@ -66,7 +77,9 @@ def groups(path: Path, runs: dict[str, int]) -> Path:
     with TdmsWriter(path) as writer:
         for name, seed in runs.items():
             columns = zip(UNITS.items(), motion(seed, 400 + seed).T, strict=True)
-            writer.write_segment([ChannelObject(name, c, x, properties={"unit_string": u}) for (c, u), x in columns])
+            writer.write_segment(
+                [ChannelObject(name, c, x, properties={"unit_string": u}) for (c, u), x in columns]
+            )
     return path
 
 
@@ -78,7 +91,9 @@ SEVERAL: dict[str, tuple[Callable[[Path, dict[str, int]], Path], list[str]]] = {
 
 
 @pytest.mark.parametrize("file", SEVERAL)
-def test_of_several_tables_the_named_one_is_read_and_none_is_chosen(tmp_path: Path, file: str) -> None:
+def test_of_several_tables_the_named_one_is_read_and_none_is_chosen(
+    tmp_path: Path, file: str
+) -> None:
     write, names = SEVERAL[file]
     path = write(tmp_path / file, {names[0]: 1, names[1]: 4})
     with readers_here():
@@ -99,13 +114,15 @@ def test_a_number_counts_all_sheets_and_one_without_a_table_is_rejected(tmp_path
     with readers_here():
         assert peak(read_run(path, table="4")) == 1
         assert peak(read_run(path, table="2")) == 4  # a name comes before a number
-        with pytest.raises(LogError, match="'Notes' does not have a row of names over columns of numbers"):
+        with pytest.raises(
+            LogError, match="'Notes' does not have a row of names over columns of numbers"
+        ):
             read_run(path, table="Notes")
     with pytest.raises(LogError, match=r"is one table, and --sheet Run 1 names another"):
         read_run(FIXTURES / "r36ohm.csv", table="Run 1")
 
 
-# ------------------------------------------------------------------------------------------------- commands and campaigns
+# ------------------------------------------------------------------------- commands and campaigns
 @pytest.fixture(scope="module")
 def book(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two logs of the shipped campaign as sheets of one workbook."""
@@ -121,16 +138,23 @@ def book(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 ENTRIES = '[[run]]\nfile = "all.xlsx"\nsheet = "r36ohm"\nload_ohm = 36.0\nwindow_s = 5.48\n'
-ENTRIES += '[[run]]\nfile = "all.xlsx"\nsheet = 2\nload_ohm = 9.0\nwindow_s = 5.96\nwithheld = true\n'
+ENTRIES += (
+    '[[run]]\nfile = "all.xlsx"\nsheet = 2\nload_ohm = 9.0\nwindow_s = 5.96\nwithheld = true\n'
+)
 
 
 def test_a_command_names_the_sheet_and_shows_it(book: Path) -> None:
-    assert "2 sheets could be the log: 'r36ohm', 'r9ohm'" in call("reduce", book, "--load-ohm", "36").err
+    assert (
+        "2 sheets could be the log: 'r36ohm', 'r9ohm'"
+        in call("reduce", book, "--load-ohm", "36").err
+    )
     done = call("reduce", book, "--load-ohm", "9", "--sheet", "2", "--json", "-")
     assert json.loads(done.out)["log"]["table"] == "r9ohm"
 
 
-def test_a_campaign_lists_the_sheets_of_one_file_as_runs_of_their_own(book: Path, tmp_path: Path) -> None:
+def test_a_campaign_lists_the_sheets_of_one_file_as_runs_of_their_own(
+    book: Path, tmp_path: Path
+) -> None:
     (book.parent / "campaign.toml").write_text(ENTRIES)
     plan = make_plan([str(book.parent)])
     names = {"all.xlsx-sheet-r36ohm": "r36ohm", "all.xlsx-sheet-2": "2"}

@@ -1,4 +1,6 @@
-"""Clocks: lost, repeated, swapped or wrong stamps are put right where that is safe, and any way of writing a time is read."""
+"""Clocks: lost, repeated, swapped or wrong stamps are put right where that is safe, and any way
+of writing a time is read.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,21 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from campaign_log import HEAD, LOST, NOON, ROWS, SAME, T, clean, efficiencies, kinds, read, stamps, text, with_time
+from campaign_log import (
+    HEAD,
+    LOST,
+    NOON,
+    ROWS,
+    SAME,
+    T,
+    clean,
+    efficiencies,
+    kinds,
+    read,
+    stamps,
+    text,
+    with_time,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -25,13 +41,21 @@ DATA = np.array(ROWS, dtype=float)
 T_TEXTS = [row[0] for row in ROWS]
 
 COARSE = 0.002
-"""Stamps of whole seconds leave a few hundredths of a second open; a float of fourteen digits keeps steps of 4 ms."""
+"""Stamps of whole seconds leave a few hundredths of a second open; a float of fourteen digits
+keeps steps of 4 ms.
+"""
 
 
 def log(times: np.ndarray, rows: np.ndarray | None = None, digits: int = 4) -> str:
     """The log with other stamps, or the log sampled at other moments."""
     body = DATA if rows is None else rows
-    return text([[f"{t:.{digits}f}", *(f"{x:.6g}" for x in row[1:])] for t, row in zip(times, body, strict=True)], HEAD)
+    return text(
+        [
+            [f"{t:.{digits}f}", *(f"{x:.6g}" for x in row[1:])]
+            for t, row in zip(times, body, strict=True)
+        ],
+        HEAD,
+    )
 
 
 def sampled(t: np.ndarray) -> np.ndarray:
@@ -85,7 +109,9 @@ FAULTS |= {what: (times, DATA, found) for what, (times, found) in STAMP_FAULTS.i
 
 
 @pytest.mark.parametrize("what", FAULTS)
-def test_faults_of_rows_and_stamps_are_reported_and_change_little(what: str, tmp_path: Path) -> None:
+def test_faults_of_rows_and_stamps_are_reported_and_change_little(
+    what: str, tmp_path: Path
+) -> None:
     times, rows, expected = FAULTS[what]
     run = read(tmp_path, log(times, rows))
     assert kinds(run) == expected
@@ -94,7 +120,8 @@ def test_faults_of_rows_and_stamps_are_reported_and_change_little(what: str, tmp
 
 
 @pytest.mark.parametrize(
-    ("rate", "digits"), [(10, 2), (100, 2), (1000, 3), (30, 2), (30, 3), (200 / 3, 2), (75, 2), (25.6, 2), (7, 2)]
+    ("rate", "digits"),
+    [(10, 2), (100, 2), (1000, 3), (30, 2), (30, 3), (200 / 3, 2), (75, 2), (25.6, 2), (7, 2)],
 )
 def test_an_even_clock_gives_no_finding_whatever_its_rate_and_rounding(
     rate: float, digits: int, tmp_path: Path
@@ -126,8 +153,11 @@ HARDLY[500:700], HARDLY[1500:] = np.nan, 1e16 + np.arange(500)
     ("times", "words"),
     [
         (np.full(50, 5.0), "does not advance; expected stamps that rise"), (LINE[::-1], "does not advance"),
-        (np.random.default_rng(1).uniform(0, 100, 4 * BACKWARD_STEPS_MAX), r"runs backward at more than .*\[columns\]"),
-        (np.full(50, np.nan), "0 readable stamps"), (np.array([0.0, np.nan, np.nan]), "1 readable stamp;"),
+        (np.random.default_rng(1).uniform(0, 100, 4 * BACKWARD_STEPS_MAX), r"runs backward at "
+                                                                           r"more than "
+                                                                           r".*\[columns\]"),
+        (np.full(50, np.nan), "0 readable stamps"), (np.array([0.0, np.nan, np.nan]), "1 readable "
+                                                                                      "stamp;"),
         (HARDLY, "does not advance"),
     ],
 )  # fmt: skip
@@ -153,18 +183,24 @@ def test_unreadable_stamps_are_filled_between_their_neighbours() -> None:
     clock = read_clock(times, "log.csv")
     assert clock.t == pytest.approx(LINE[1:-1])
     assert [(f.kind, f.count, f.removed) for f in clock.findings] == [("not_a_number", 4, 2)]
-    crowded = read_clock(np.insert(LINE, 500, np.full(3000, np.nan)), "log.csv")  # rows between two tables
+    crowded = read_clock(
+        np.insert(LINE, 500, np.full(3000, np.nan)), "log.csv"
+    )  # rows between two tables
     assert crowded.t == pytest.approx(LINE)
     assert crowded.findings[0].removed == 3000
 
 
 @given(
     st.lists(
-        st.floats(-1e9, 1e9) | st.just(float("nan")) | st.just(1e300) | st.integers(0, 9), min_size=3, max_size=60
+        st.floats(-1e9, 1e9) | st.just(float("nan")) | st.just(1e300) | st.integers(0, 9),
+        min_size=3,
+        max_size=60,
     ),
     st.booleans(),
 )
-def test_a_repaired_clock_always_rises_and_keeps_its_rows(values: list[float], ordered: bool) -> None:
+def test_a_repaired_clock_always_rises_and_keeps_its_rows(
+    values: list[float], ordered: bool
+) -> None:
     times = np.array(sorted(values) if ordered else values, dtype=float)
     try:
         clock = read_clock(times, "log.csv")
@@ -174,11 +210,12 @@ def test_a_repaired_clock_always_rises_and_keeps_its_rows(values: list[float], o
     assert clock.t.size == (times.size if clock.rows is None else clock.rows.size)
 
 
-# --------------------------------------------------------------------------------------------------- how times are written
+# -------------------------------------------------------------------------- how times are written
 BEFORE_MIDNIGHT = dt.datetime(2026, 4, 18, 23, 59, 30)
 FORMS = [
     "%Y-%m-%dT%H:%M:%S.~", "%Y-%m-%dT%H:%M:%S.~+0800", "%Y-%m-%dT%H:%M:%S,~", "%Y%m%dT%H%M%S.~", "%d.%m.%Y %H:%M:%S,~",
-    "%m/%d/%Y %I:%M:%S.~ %p", "%d-%b-%Y %H:%M:%S.~", "%b %d, %Y %H:%M:%S.~", "[%Y-%m-%d %H:%M:%S.~]", "%H時%M分%S.~秒",
+    "%m/%d/%Y %I:%M:%S.~ %p", "%d-%b-%Y %H:%M:%S.~", "%b %d, %Y %H:%M:%S.~", "[%Y-%m-%d "
+                                                                             "%H:%M:%S.~]", "%H時%M分%S.~秒",
     "%Y年%m月%d日 %H:%M:%S.~", "%H:%M:%S:~", "%M:%S,~",
 ]  # fmt: skip
 
@@ -186,13 +223,19 @@ FORMS = [
 @pytest.mark.parametrize("form", FORMS)
 def test_midnight_noon_and_the_full_hour_pass_without_a_step(form: str) -> None:
     for start in (BEFORE_MIDNIGHT, dt.datetime(2026, 4, 18, 11, 59, 30)):
-        assert seconds(stamps(form, start)) == pytest.approx(STAMPS, abs=1e-4)  # to the digits of the stamps
+        assert seconds(stamps(form, start)) == pytest.approx(
+            STAMPS, abs=1e-4
+        )  # to the digits of the stamps
 
 
 @pytest.mark.parametrize("form", ["%m/%d/%Y %H:%M:%S.~", "%d/%m/%Y %H:%M:%S.~"])
 @pytest.mark.parametrize("day", [(4, 5), (4, 30), (12, 31)])
-def test_day_and_month_are_distinguished_by_the_days_that_follow(form: str, day: tuple[int, int]) -> None:
-    assert seconds(stamps(form, dt.datetime(2026, *day, 23, 59, 30))) == pytest.approx(STAMPS, abs=1e-4)
+def test_day_and_month_are_distinguished_by_the_days_that_follow(
+    form: str, day: tuple[int, int]
+) -> None:
+    assert seconds(stamps(form, dt.datetime(2026, *day, 23, 59, 30))) == pytest.approx(
+        STAMPS, abs=1e-4
+    )
 
 
 @pytest.mark.parametrize(
@@ -200,7 +243,10 @@ def test_day_and_month_are_distinguished_by_the_days_that_follow(form: str, day:
     [
         (["31 März 2026 23:59:59", "1 April 2026 00:00:00"], [0.0, 1.0]),
         (["31 mars 2026 23:59:59", "1 avr. 2026 00:00:00"], [0.0, 1.0]),
-        (["2026-03-29 01:00:00+01:00", "2026-03-29 01:00:01", "2026-03-29 01:00:02"], [0.0, 1.0, 2.0]),
+        (
+            ["2026-03-29 01:00:00+01:00", "2026-03-29 01:00:01", "2026-03-29 01:00:02"],
+            [0.0, 1.0, 2.0],
+        ),
         (["2026-02-30 10:00:00", "2026-03-01 10:00:00", "2026-03-01 10:00:01"], [np.nan, 0.0, 1.0]),
     ],
 )
@@ -210,14 +256,20 @@ def test_months_zones_and_dates_that_do_not_exist(texts: list[str], since: list[
 
 def test_an_offset_from_utc_that_changes_within_the_log_is_no_step(tmp_path: Path) -> None:
     middle = len(T) // 3
-    winter = [f"{stamp}+01:00" for stamp in stamps("%Y-%m-%dT%H:%M:%S.~", NOON + dt.timedelta(hours=1))]
-    summer = [f"{stamp}+02:00" for stamp in stamps("%Y-%m-%dT%H:%M:%S.~", NOON + dt.timedelta(hours=2))]
+    winter = [
+        f"{stamp}+01:00" for stamp in stamps("%Y-%m-%dT%H:%M:%S.~", NOON + dt.timedelta(hours=1))
+    ]
+    summer = [
+        f"{stamp}+02:00" for stamp in stamps("%Y-%m-%dT%H:%M:%S.~", NOON + dt.timedelta(hours=2))
+    ]
     run = read(tmp_path, text(*with_time(winter[:middle] + summer[middle:])))
     assert kinds(run) == set()
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
 
 
-@pytest.mark.parametrize("other", ["", "12.5", "1:2", "a:b:c", "Time: now", "99999999999999999999", ":" * 9999])
+@pytest.mark.parametrize(
+    "other", ["", "12.5", "1:2", "a:b:c", "Time: now", "99999999999999999999", ":" * 9999]
+)
 def test_other_texts_are_no_stamps(other: str) -> None:
     assert not looks_like_a_stamp(other)
     assert np.isnan(seconds([other])).all()
@@ -234,11 +286,15 @@ NUMBERS = {
 
 
 @pytest.mark.parametrize("name", NUMBERS)
-def test_numbers_that_name_their_unit_or_count_days_need_no_guess(name: str, tmp_path: Path) -> None:
+def test_numbers_that_name_their_unit_or_count_days_need_no_guess(
+    name: str, tmp_path: Path
+) -> None:
     run = read(tmp_path, text(*with_time(NUMBERS[name], name)))
     assert kinds(run) == set()
     assert run.fs == pytest.approx(25.0, rel=1e-4)
-    assert efficiencies(run) == pytest.approx(clean(), abs=1e-4)  # a day with eleven digits is good to a microsecond
+    assert efficiencies(run) == pytest.approx(
+        clean(), abs=1e-4
+    )  # a day with eleven digits is good to a microsecond
 
 
 @pytest.mark.parametrize("order", [("Date", "Time"), ("Time", "Date")])
@@ -256,13 +312,17 @@ def test_stamps_of_whole_seconds_are_spread_and_unreadable_ones_rejected(tmp_pat
     assert kinds(run) == {"repeated_stamp"}
     assert run.fs == pytest.approx(25.0, rel=1e-3)
     assert efficiencies(run) == pytest.approx(clean(), abs=COARSE)
-    with pytest.raises(LogError, match=r"0 readable stamps; expected seconds, milliseconds or dates"):
+    with pytest.raises(
+        LogError, match=r"0 readable stamps; expected seconds, milliseconds or dates"
+    ):
         read(tmp_path, text(*with_time(["soon"] * len(T))))
 
 
 @pytest.mark.parametrize("start", [NOON, NOON.replace(hour=23, minute=59, second=30)], ids=str)
 @pytest.mark.parametrize(("form", "near"), [("%H%M%S.~", SAME), ("%Y%m%d%H%M%S.~", COARSE)])
-def test_digits_of_a_clock_are_read_as_a_clock(start: dt.datetime, form: str, near: float, tmp_path: Path) -> None:
+def test_digits_of_a_clock_are_read_as_a_clock(
+    start: dt.datetime, form: str, near: float, tmp_path: Path
+) -> None:
     run = read(tmp_path, text(*with_time(stamps(form, start))))
     assert kinds(run) == set()
     assert run.t[-1] - run.t[0] == pytest.approx(T[-1], abs=0.005)
@@ -288,6 +348,11 @@ def test_of_columns_without_a_name_the_one_that_rises_is_the_clock_and_one_that_
     assert kinds(run) == {"unit_assumed"}
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
     counted = text(*with_time(map(str, range(len(T))), "index"))
-    with pytest.raises(LogError, match=r"no time column and no sampling interval; the log has .*sample_rate_hz"):
+    with pytest.raises(
+        LogError, match=r"no time column and no sampling interval; the log has .*sample_rate_hz"
+    ):
         read(tmp_path, counted)
-    assert read(tmp_path, counted, rig=msgspec.structs.replace(built_in(), sample_rate=25.0)).fs == 25.0
+    assert (
+        read(tmp_path, counted, rig=msgspec.structs.replace(built_in(), sample_rate=25.0)).fs
+        == 25.0
+    )

@@ -1,4 +1,6 @@
-"""Columns: names and units are recognised in any language, what is no channel is not, and a rejection helps on."""
+"""Columns: names and units are recognised in any language, what is no channel is not, and a
+rejection helps on.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,21 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from campaign_log import HEAD, NAMES, ROWS, SAME, SOURCE, UNITS, clean, efficiencies, kinds, read, scaled, text, write
+from campaign_log import (
+    HEAD,
+    NAMES,
+    ROWS,
+    SAME,
+    SOURCE,
+    UNITS,
+    clean,
+    efficiencies,
+    kinds,
+    read,
+    scaled,
+    text,
+    write,
+)
 from loops import failures
 
 from winchcascade import Run, read_run
@@ -21,7 +37,9 @@ from winchcascade.core.rig_toml import parse_rig
 from winchcascade.ingest import headers
 from winchcascade.ingest.headers import DIMENSION, Header, read_header, recognise
 
-TABLE = tomllib.loads((Path(headers.__file__).parent / "column_names.toml").read_text(encoding="utf-8"))
+TABLE = tomllib.loads(
+    (Path(headers.__file__).parent / "column_names.toml").read_text(encoding="utf-8")
+)
 LISTED = [(channel, name) for channel in DIMENSION for name in TABLE[channel]["names"].split()]
 UNIT = {"time": "s"} | {name: channel.unit for name, channel in CHANNELS.items()}
 
@@ -37,8 +55,14 @@ ROUNDED = 1e-5
 
 
 @pytest.mark.parametrize(("logs", "share"), RECOGNISED, ids=["public", "four languages"])
-def test_columns_of_many_logs_are_recognised_and_none_wrongly(logs: list[dict[str, Any]], share: float) -> None:
-    found = [(recognise(Header(n, u or None)) or "", right, n) for log in logs for n, u, right in log["headers"]]
+def test_columns_of_many_logs_are_recognised_and_none_wrongly(
+    logs: list[dict[str, Any]], share: float
+) -> None:
+    found = [
+        (recognise(Header(n, u or None)) or "", right, n)
+        for log in logs
+        for n, u, right in log["headers"]
+    ]
     assert [name for channel, right, name in found if channel not in ("", right)] == []
     count = Counter(channel == right for channel, right, _ in found if right)
     assert count[True] >= share * count.total()
@@ -50,7 +74,9 @@ def test_the_headers_of_public_logs_come_from_many_repositories() -> None:
 
 def test_no_header_of_four_languages_is_another_channel_without_its_unit() -> None:
     headers = [
-        (name.partition("(")[0].partition("[")[0], right) for log in FOUR_LANGUAGES for name, _, right in log["headers"]
+        (name.partition("(")[0].partition("[")[0], right)
+        for log in FOUR_LANGUAGES
+        for name, _, right in log["headers"]
     ]
     assert [name for name, right in headers if recognise(Header(name)) not in (None, right)] == []
 
@@ -70,7 +96,17 @@ def test_every_unit_of_the_table_is_read_back_from_a_header() -> None:
             if unit.dimension == DIMENSION[channel]:
                 assert read_header(Header(form.format(name, spelled))).unit == unit, spelled
 
-    forms = ["{} [{}]", "{}({})", "{} / {}", "{}, {}", "{} {}", "{}_{}", "{} in {}", "{}:{}", "{}（{}）"]
+    forms = [
+        "{} [{}]",
+        "{}({})",
+        "{} / {}",
+        "{}, {}",
+        "{} {}",
+        "{}_{}",
+        "{} in {}",
+        "{}:{}",
+        "{}（{}）",
+    ]
     assert failures(check, product(DIMENSION, forms)) == []
 
 
@@ -84,7 +120,8 @@ def test_every_unit_of_the_table_is_read_back_from_a_header() -> None:
         ("Shaft speed", "speed"), ("speed_rad_s", "speed"), ("Motor Optical Speed (RPM)", "speed"), ("Speed (Hz)", "speed"),
         ("rotation speed (U/min)", "speed"), ("回転数 (rpm)", "speed"), ("Status RPM", None), ("/cmd/torque", None),
         ("/wind/speed", None), ("pose/position/x", None), ("command_torque", None), ("T_motor", None), ("motor_current", None),
-        ("Line voltage (V)", None), ("Torque (mV/V)", None), ("Speed (A)", None), ("Temperature (degC)", None), ("n", None),
+        ("Line voltage (V)", None), ("Torque (mV/V)", None), ("Speed (A)", None), ("Temperature "
+                                                                                   "(degC)", None), ("n", None),
         ("Flow (gpm)", None), ("flow", None), ("AC power", None), ("start time", None), ("x" * 10_000, None), ("", None),
     ],
 )  # fmt: skip
@@ -98,7 +135,12 @@ def test_a_temperature_is_no_torque_and_no_time() -> None:
         assert recognise(Header("T", unit)) is None
 
     units = ["°C", "℃", "ºC", "C", "degC", "deg C", "Celsius", "K", "kelvin", "°F", "degF"]
-    assert failures(check, product(["T ({})", "T [{}]", "t ({})", "T / {}", "T, {}", "Torque ({})"], units)) == []
+    assert (
+        failures(
+            check, product(["T ({})", "T [{}]", "t ({})", "T / {}", "T, {}", "Torque ({})"], units)
+        )
+        == []
+    )
 
 
 LANGUAGES = {
@@ -124,8 +166,12 @@ ENCODED = [(language, "utf-8") for language in LANGUAGES] + [
 
 
 @pytest.mark.parametrize(("language", "encoding"), ENCODED)
-def test_a_log_reads_the_same_in_any_language_and_encoding(language: str, encoding: str, tmp_path: Path) -> None:
-    head = [f"{name} ({unit})" for name, unit in zip(LANGUAGES[language].split(), UNITS, strict=True)]
+def test_a_log_reads_the_same_in_any_language_and_encoding(
+    language: str, encoding: str, tmp_path: Path
+) -> None:
+    head = [
+        f"{name} ({unit})" for name, unit in zip(LANGUAGES[language].split(), UNITS, strict=True)
+    ]
     run = read(tmp_path, text(ROWS, head, delimiter=";", decimal=","), encoding)
     assert kinds(run) == set()
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
@@ -148,16 +194,24 @@ def test_a_unit_changes_no_result(column: int, factor: float, header: str, tmp_p
 
 def test_a_column_without_a_unit_is_taken_in_the_usual_one_and_reported(tmp_path: Path) -> None:
     run = read(tmp_path, text(ROWS, ["Time (s)", *NAMES[1:]]))
-    assert [f.channel for f in run.findings if f.kind == "unit_assumed"] == [*list(CHANNELS)[:5], "vdc", "idc"]
+    assert [f.channel for f in run.findings if f.kind == "unit_assumed"] == [
+        *list(CHANNELS)[:5],
+        "vdc",
+        "idc",
+    ]
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
 
 
 @pytest.mark.parametrize("unit", ["foo", "_", "N N N", "%%", "9**9**9", "kilofurlongs"])
 def test_a_unit_that_nobody_knows_is_assumed(unit: str, tmp_path: Path) -> None:
-    assert kinds(read(tmp_path, text(ROWS, [*HEAD[:4], f"Force ({unit})", *HEAD[5:]]))) == {"unit_assumed"}
+    assert kinds(read(tmp_path, text(ROWS, [*HEAD[:4], f"Force ({unit})", *HEAD[5:]]))) == {
+        "unit_assumed"
+    }
 
 
-def test_columns_that_are_no_channel_make_one_finding_and_numbers_of_rows_none(tmp_path: Path) -> None:
+def test_columns_that_are_no_channel_make_one_finding_and_numbers_of_rows_none(
+    tmp_path: Path,
+) -> None:
     extra = [*(f"CH{k} temp" for k in range(292)), "Record", ""]
     run = read(tmp_path, text([["1.5"] * 294 + row for row in ROWS], extra + HEAD))
     assert [(f.kind, f.count) for f in run.findings] == [("unknown_column", 292)]
@@ -165,44 +219,64 @@ def test_columns_that_are_no_channel_make_one_finding_and_numbers_of_rows_none(t
 
 
 def test_a_time_with_its_unit_comes_before_a_stamp(tmp_path: Path) -> None:
-    run = read(tmp_path, text([["2026-04-18 10:00:00", *row] for row in ROWS], ["Timestamp", *HEAD]))
+    run = read(
+        tmp_path, text([["2026-04-18 10:00:00", *row] for row in ROWS], ["Timestamp", *HEAD])
+    )
     assert kinds(run) == set()
     assert run.fs == 25.0
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
 
 
-def test_of_several_columns_for_one_channel_none_is_read_and_the_rig_file_decides(tmp_path: Path) -> None:
+def test_of_several_columns_for_one_channel_none_is_read_and_the_rig_file_decides(
+    tmp_path: Path,
+) -> None:
     rows = [[*row, f"{1.05 * float(row[5]):.5f}"] for row in ROWS]
-    run = read(tmp_path, text(rows, [*HEAD, "Torque 2 (N.m)"]).replace("Torque (N.m)", "Torque 1 (N.m)"))
+    run = read(
+        tmp_path, text(rows, [*HEAD, "Torque 2 (N.m)"]).replace("Torque (N.m)", "Torque 1 (N.m)")
+    )
     (finding,) = [f for f in run.findings if f.kind == "ambiguous_column"]
     assert (finding.channel, finding.count) == ("torque", 2)
     assert "'Torque 1 (N.m)' (column 6), 'Torque 2 (N.m)' (column 9)" in finding.message
     assert "[columns]" in finding.action
     assert "torque" not in run.channels
     assert "force" in run.channels
-    rig = parse_rig('based_on = "hsu2026"\nname = "two"\n[columns]\ntorque = "Torque 2"\n', "two.toml")
+    rig = parse_rig(
+        'based_on = "hsu2026"\nname = "two"\n[columns]\ntorque = "Torque 2"\n', "two.toml"
+    )
     run = read(tmp_path, text(rows, [*HEAD, "Torque 2 (N.m)"]), rig=rig)
     assert run.channels["torque"].max() == pytest.approx(1.05 * max(float(row[5]) for row in ROWS))
 
 
-# ------------------------------------------------------------------------------------------------------------- rejections
+# ------------------------------------------------------------------------------------- rejections
 @pytest.mark.parametrize(
     ("head", "found"),
     [
         ([f"c{k}" for k in range(8)], r"the log has c0, c1"),
-        (["Status_RPM_V1", "waveMakerPos", "TorqueValue"], r"displacement: 'waveMakerPos'; speed: 'Status_RPM_V1'\."),
-        (["Velocity (m/s)", "Line speed (m/s)"], r"'Velocity \(m/s\)', 'Line speed \(m/s\)'; expected one for each"),
+        (
+            ["Status_RPM_V1", "waveMakerPos", "TorqueValue"],
+            r"displacement: 'waveMakerPos'; speed: 'Status_RPM_V1'\.",
+        ),
+        (
+            ["Velocity (m/s)", "Line speed (m/s)"],
+            r"'Velocity \(m/s\)', 'Line speed \(m/s\)'; expected one for each",
+        ),
     ],
 )
-def test_a_log_without_motion_names_what_comes_near(head: list[str], found: str, tmp_path: Path) -> None:
+def test_a_log_without_motion_names_what_comes_near(
+    head: list[str], found: str, tmp_path: Path
+) -> None:
     rows = [["1.0"] * len(head)] * 20
     with pytest.raises(LogError, match=found):
         read(tmp_path, text(rows, head))
 
 
-def test_a_column_that_the_rig_names_and_the_log_lacks_is_named_with_what_comes_near(tmp_path: Path) -> None:
+def test_a_column_that_the_rig_names_and_the_log_lacks_is_named_with_what_comes_near(
+    tmp_path: Path,
+) -> None:
     mine = 'based_on = "hsu2026"\nname = "mine"\n[columns]\n{} = "{}"\n'
-    with pytest.raises(LogError, match=r"no column 'Velocty', .*near it: 'Velocity \(m/s\)'.*\[columns\]"):
+    with pytest.raises(
+        LogError, match=r"no column 'Velocty', .*near it: 'Velocity \(m/s\)'.*\[columns\]"
+    ):
         read(tmp_path, text(), rig=parse_rig(mine.format("velocity", "Velocty"), "rig.toml"))
     run = read(tmp_path, text(), rig=parse_rig(mine.format("torque", "Torqe (N.m)"), "rig.toml"))
     finding, *_ = run.findings
@@ -210,7 +284,9 @@ def test_a_column_that_the_rig_names_and_the_log_lacks_is_named_with_what_comes_
     assert "near it: 'Torque (N.m)'" in finding.message
 
 
-SEVERAL = parse_rig('based_on = "hsu2026"\nname = "mine"\n[columns]\nforce = ["LC-17 [N]", "Celda"]\n', "rig.toml")
+SEVERAL = parse_rig(
+    'based_on = "hsu2026"\nname = "mine"\n[columns]\nforce = ["LC-17 [N]", "Celda"]\n', "rig.toml"
+)
 
 
 def forces(run: Run) -> list[float]:
@@ -254,11 +330,13 @@ def test_an_entry_of_a_campaign_names_columns_of_its_own(tmp_path: Path) -> None
 
 def test_a_log_with_the_columns_of_a_built_in_rig_is_referred_to_it(shared: Path) -> None:
     log = shared / "kitepower-2019-10-08" / "ground_station_cycles_01_43.csv"
-    with pytest.raises(LogError, match="built-in rig kitepower, and no rig was named; add --rig kitepower"):
+    with pytest.raises(
+        LogError, match="built-in rig kitepower, and no rig was named; add --rig kitepower"
+    ):
         read_run(log)
 
 
-# ------------------------------------------------------------------------------ units of the log and of the rig file
+# ----------------------------------------------------------- units of the log and of the rig file
 def reduced_with(folder: Path, unit: str, header: str = "Idc (A)", more: str = "") -> Run:
     entry = f'{{ name = "{header}", unit = "{unit}"{more} }}'
     rig = parse_rig(f'name = "mine"\nbased_on = "hsu2026"\n[columns]\nidc = {entry}\n', "rig.toml")
@@ -275,6 +353,10 @@ def test_a_unit_that_contradicts_the_header_is_reported_and_counts_where_it_over
     assert largest < run.channels["idc"].max() < largest + 10.0
 
 
-@pytest.mark.parametrize(("unit", "header"), [("A", "Idc (A)"), ("A", "Idc"), ("ampere", "Idc [A]")])
-def test_a_unit_that_the_header_shares_or_lacks_gives_no_finding(tmp_path: Path, unit: str, header: str) -> None:
+@pytest.mark.parametrize(
+    ("unit", "header"), [("A", "Idc (A)"), ("A", "Idc"), ("ampere", "Idc [A]")]
+)
+def test_a_unit_that_the_header_shares_or_lacks_gives_no_finding(
+    tmp_path: Path, unit: str, header: str
+) -> None:
     assert [f.kind for f in reduced_with(tmp_path, unit, header).findings] == ["thresholds_assumed"]

@@ -1,4 +1,6 @@
-"""A DataFrame is read like a file with the same columns: same numbers, same findings, same faults."""
+"""A DataFrame is read like a file with the same columns: same numbers, same findings, same
+faults.
+"""
 
 import csv
 from pathlib import Path
@@ -22,7 +24,9 @@ def frame_of(path: Path) -> pd.DataFrame:
     """The columns of a log with every number as Python reads it, NaN for what is none."""
     with path.open(encoding="utf-8", newline="") as file:
         names, *rows = csv.reader(file)
-    return pd.DataFrame([[float(cell) if cell else np.nan for cell in row] for row in rows], columns=names)
+    return pd.DataFrame(
+        [[float(cell) if cell else np.nan for cell in row] for row in rows], columns=names
+    )
 
 
 def assert_same(run: Run, other: Run) -> None:
@@ -53,7 +57,9 @@ def test_a_damaged_frame_has_the_findings_of_its_file(fixtures: Path, tmp_path: 
     frame = frame.drop(index=range(1500, 1520)).reset_index(drop=True)
     frame.to_csv(tmp_path / "damaged.csv", index=False)
     from_file = read_run(tmp_path / "damaged.csv")
-    assert {"not_a_number", "spike", "dropped_samples"} <= {finding.kind for finding in from_file.findings}
+    assert {"not_a_number", "spike", "dropped_samples"} <= {
+        finding.kind for finding in from_file.findings
+    }
     assert_same(read_run(frame), from_file)
 
 
@@ -87,7 +93,9 @@ def test_texts_objects_and_arrow_columns_are_numbers(fixtures: Path) -> None:
     path = fixtures / "campaign" / "r36ohm.csv"
     frame = frame_of(path)
     mixed = frame.astype(object)
-    mixed["Force (N)"] = [repr(x) if k % 2 else x for k, x in enumerate(frame["Force (N)"].tolist())]
+    mixed["Force (N)"] = [
+        repr(x) if k % 2 else x for k, x in enumerate(frame["Force (N)"].tolist())
+    ]
     mixed["Notes"] = [{"k": k} if k % 2 else k for k in range(len(frame))]
     other = read_run(mixed)
     assert np.array_equal(other.channels["force"], read_run(path, campaign=False).channels["force"])
@@ -111,7 +119,9 @@ def test_a_frame_is_never_changed_and_its_digest_follows_its_values(fixtures: Pa
 def test_what_is_no_frame_and_what_it_lacks_is_reported(fixtures: Path) -> None:
     path = fixtures / "campaign" / "r36ohm.csv"
     frame = frame_of(path)
-    with pytest.raises(LogError, match=r"^bench 2: is a dict; expected the path of a log or a pandas DataFrame"):
+    with pytest.raises(
+        LogError, match=r"^bench 2: is a dict; expected the path of a log or a pandas DataFrame"
+    ):
         read_run({"force": [1.0]}, name="bench 2")
     with pytest.raises(LogError, match=r"units has 'forse', but the frame has no such column"):
         read_run(frame, units={"forse": "N"})

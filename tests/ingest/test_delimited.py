@@ -1,4 +1,6 @@
-"""Cells and rows of text logs: numbers in any spelling, cells that are none, files that are cut off or spoilt."""
+"""Cells and rows of text logs: numbers in any spelling, cells that are none, files that are cut
+off or spoilt.
+"""
 
 from __future__ import annotations
 
@@ -35,24 +37,36 @@ IN_MM = [*HEAD[:2], "Velocity (mm/s)", *HEAD[3:]]
         lambda c: c.removesuffix(".0"), lambda c: c.replace("0.", ".") if c[:3] in (c[:3], "-0.") and abs(float(c)) < 1 else c,
     ],
 )  # fmt: skip
-def test_a_number_reads_the_same_in_any_spelling(cell: Callable[[str], str], delimiter: str, tmp_path: Path) -> None:
-    run = read(tmp_path, text(changed(cell), HEAD, delimiter=delimiter, decimal="." if delimiter == "," else ","))
+def test_a_number_reads_the_same_in_any_spelling(
+    cell: Callable[[str], str], delimiter: str, tmp_path: Path
+) -> None:
+    run = read(
+        tmp_path,
+        text(changed(cell), HEAD, delimiter=delimiter, decimal="." if delimiter == "," else ","),
+    )
     assert kinds(run) == set()
     assert efficiencies(run) == pytest.approx(clean(), abs=SIX_DIGITS)
 
 
 @pytest.mark.parametrize(
-    ("group", "point"), [(",", "."), (".", ","), ("'", "."), ("’", "."), (" ", ","), ("\u00a0", ","), ("\u202f", ",")]
+    ("group", "point"),
+    [(",", "."), (".", ","), ("'", "."), ("’", "."), (" ", ","), ("\u00a0", ","), ("\u202f", ",")],
 )
 @pytest.mark.parametrize("delimiter", [";", "\t"])
 def test_thousands_may_be_set_apart(group: str, point: str, delimiter: str, tmp_path: Path) -> None:
     rows = changed(lambda c: grouped(c, group, point), MILLIMETRES)
-    run = read(tmp_path, delimiter.join(IN_MM) + "\n" + "".join(delimiter.join(row) + "\n" for row in rows))
+    run = read(
+        tmp_path, delimiter.join(IN_MM) + "\n" + "".join(delimiter.join(row) + "\n" for row in rows)
+    )
     assert kinds(run) == set()
     assert efficiencies(run) == pytest.approx(clean(), abs=SIX_DIGITS)
 
 
-@given(st.floats(-1e12, 1e12), st.sampled_from([".", ","]), st.sampled_from(["{:.6f}", "{:+.9e}", "{:,.6f}"]))
+@given(
+    st.floats(-1e12, 1e12),
+    st.sampled_from([".", ","]),
+    st.sampled_from(["{:.6f}", "{:+.9e}", "{:,.6f}"]),
+)
 def test_a_number_survives_being_written_and_read(value: float, decimal: str, form: str) -> None:
     written = form.format(value)
     if decimal == ",":
@@ -69,10 +83,15 @@ MARKS = [
 
 def test_a_cell_that_is_no_number_is_reported_and_bridged(tmp_path: Path) -> None:
     def check(mark: str, delimiter: str) -> None:
-        rows = [[*row[:4], mark, *row[5:]] if k in (300, 700, 1200) else row for k, row in enumerate(ROWS)]
+        rows = [
+            [*row[:4], mark, *row[5:]] if k in (300, 700, 1200) else row
+            for k, row in enumerate(ROWS)
+        ]
         content = text(rows, delimiter=delimiter, decimal="." if delimiter == "," else ",")
         run = read(tmp_path, content.replace("12,3,4", "12.3.4"))
-        assert [(f.kind, f.channel, f.count) for f in run.findings] == [("not_a_number", "force", 3)]
+        assert [(f.kind, f.channel, f.count) for f in run.findings] == [
+            ("not_a_number", "force", 3)
+        ]
         assert efficiencies(run) == pytest.approx(clean(), abs=LOST)
 
     assert failures(check, [(mark, ",;"[k % 2]) for k, mark in enumerate(MARKS)]) == []
@@ -80,7 +99,9 @@ def test_a_cell_that_is_no_number_is_reported_and_bridged(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
 @pytest.mark.parametrize("remark", ["run", '"a, b"', "größer", "12:30", ""])
-def test_a_column_of_text_in_between_is_reported_and_not_read(remark: str, delimiter: str, tmp_path: Path) -> None:
+def test_a_column_of_text_in_between_is_reported_and_not_read(
+    remark: str, delimiter: str, tmp_path: Path
+) -> None:
     rows = [[*row[:3], remark if k >= 100 else "go", *row[3:]] for k, row in enumerate(ROWS)]
     run = read(tmp_path, text(rows, [*HEAD[:3], "State", *HEAD[3:]], delimiter=delimiter), "cp1252")
     assert kinds(run) == {"unknown_column"}
@@ -106,7 +127,9 @@ def test_a_remark_after_a_few_rows_costs_no_row(remark: str, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("row", [ROWS[9][:5], [*ROWS[9], "7"], ["12.3", "4"]])
-def test_rows_with_cells_too_many_or_too_few_are_left_out_and_counted(row: list[str], tmp_path: Path) -> None:
+def test_rows_with_cells_too_many_or_too_few_are_left_out_and_counted(
+    row: list[str], tmp_path: Path
+) -> None:
     run = read(tmp_path, text([row if k in (500, 900, 1500) else r for k, r in enumerate(ROWS)]))
     assert run.findings[0].message == "3 lines do not have 8 cells like the others"
     assert run.samples == len(ROWS) - 3
@@ -143,5 +166,7 @@ def test_a_file_cut_anywhere_in_its_last_rows_gives_whole_rows(what: str, tmp_pa
         run = read(tmp_path, whole[:end])
         assert kinds(run) <= {"truncated"}
         assert len(ROWS) - 3 <= run.samples <= len(ROWS)
-        missing = {name: np.abs(x[-1]) > 2 * np.abs(x[-60:]).max() for name, x in run.channels.items()}
+        missing = {
+            name: np.abs(x[-1]) > 2 * np.abs(x[-60:]).max() for name, x in run.channels.items()
+        }
         assert not any(missing.values()), end

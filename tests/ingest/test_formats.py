@@ -44,7 +44,9 @@ def seeded(folder: Path, form: str, k: int) -> Path:
     return path
 
 
-@pytest.mark.parametrize(("form", "k"), [(form, k) for form in FORMS for k in range(len(seeds(form)))])
+@pytest.mark.parametrize(
+    ("form", "k"), [(form, k) for form in FORMS for k in range(len(seeds(form)))]
+)
 def test_a_log_is_recognised_by_its_content_and_gives_the_numbers_of_its_text(
     form: str, k: int, tmp_path: Path
 ) -> None:
@@ -96,7 +98,9 @@ def test_mat4_is_recognised_only_by_a_whole_header(head: bytes) -> None:
         (b"#ROSBAG V2.0", "ROS bag, .*rostopic"),
     ],
 )
-def test_an_unreadable_format_is_named_with_its_export(magic: bytes, what: str, tmp_path: Path) -> None:
+def test_an_unreadable_format_is_named_with_its_export(
+    magic: bytes, what: str, tmp_path: Path
+) -> None:
     (tmp_path / "a.csv").write_bytes(magic + bytes(range(256)))
     with pytest.raises(LogError, match=rf"^a.csv: is an? {what}"):
         open_log(tmp_path / "a.csv")
@@ -110,7 +114,8 @@ def test_columns_of_parquet_of_any_kind_become_numbers(tmp_path: Path, row_group
     path = tmp_path / "a.parquet"
     columns = {
         "when": pa.array(
-            [1_770_000_000_000_000_001 + 40_000_000 * k for k in range(500)], pa.timestamp("ns", tz="UTC")
+            [1_770_000_000_000_000_001 + 40_000_000 * k for k in range(500)],
+            pa.timestamp("ns", tz="UTC"),
         ),
         "v": pa.array([None if k == 7 else float(V[k]) for k in range(500)], pa.float32()),
         "p": pa.array(np.round(P, 3)).cast(pa.decimal128(12, 3)),
@@ -133,20 +138,29 @@ def test_columns_of_parquet_of_any_kind_become_numbers(tmp_path: Path, row_group
     np.testing.assert_allclose(np.asarray(table.stamps), T, rtol=1e-15)
 
 
-@pytest.mark.parametrize("kind", [pa.timestamp("s"), pa.timestamp("us"), pa.time32("ms"), pa.time64("ns"), pa.date32()])
+@pytest.mark.parametrize(
+    "kind", [pa.timestamp("s"), pa.timestamp("us"), pa.time32("ms"), pa.time64("ns"), pa.date32()]
+)
 def test_stamps_of_parquet_count_from_the_first_that_is_there(tmp_path: Path, kind: Any) -> None:
     day = pa.types.is_date(kind)
     scale = 1 if day else {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[kind.unit]
     whole = pa.int32() if day or kind == pa.time32("ms") else pa.int64()
     ticks = [None if k is None else k * scale for k in (None, 3, 4, None, 7)]
-    pq.write_table(pa.table({"t": pa.array(ticks, whole).cast(kind), "v": V[:5]}), tmp_path / "a.parquet")
+    pq.write_table(
+        pa.table({"t": pa.array(ticks, whole).cast(kind), "v": V[:5]}), tmp_path / "a.parquet"
+    )
     stamps = np.asarray(open_parquet(tmp_path / "a.parquet").load([1], 0).stamps)
-    np.testing.assert_array_equal(stamps, (86400.0 if day else 1.0) * np.array([np.nan, 0.0, 1.0, np.nan, 4.0]))
+    np.testing.assert_array_equal(
+        stamps, (86400.0 if day else 1.0) * np.array([np.nan, 0.0, 1.0, np.nan, 4.0])
+    )
 
 
 def test_names_of_parquet_with_dots_and_twins_are_distinguished(tmp_path: Path) -> None:
     path = tmp_path / "a.parquet"
-    pq.write_table(pa.Table.from_arrays([pa.array([float(k)]) for k in range(3)], names=["a.b", "a", "a"]), path)
+    pq.write_table(
+        pa.Table.from_arrays([pa.array([float(k)]) for k in range(3)], names=["a.b", "a", "a"]),
+        path,
+    )
     table = open_parquet(path).load([0, 1, 2], None)
     assert [table.values[k][0] for k in range(3)] == [0.0, 1.0, 2.0]
 
@@ -165,7 +179,9 @@ def book(folder: Path, *rows: Sequence[Any]) -> Path:
     return path
 
 
-def test_the_sheet_the_names_the_units_and_the_numbers_of_a_workbook_are_found(tmp_path: Path) -> None:
+def test_the_sheet_the_names_the_units_and_the_numbers_of_a_workbook_are_found(
+    tmp_path: Path,
+) -> None:
     path = book(
         tmp_path,
         ["Crane trial"],
@@ -178,7 +194,13 @@ def test_the_sheet_the_names_the_units_and_the_numbers_of_a_workbook_are_found(t
     )
     source = open_excel(path)
     table = source.load([2, 3, 4], 0)
-    units = [("Time", "s"), ("", None), ("Velocity", "m/s"), ("Pressure", "kgf/cm²"), ("Remark", None)]
+    units = [
+        ("Time", "s"),
+        ("", None),
+        ("Velocity", "m/s"),
+        ("Pressure", "kgf/cm²"),
+        ("Remark", None),
+    ]
     assert [(header.name, header.unit) for header in source.headers] == units
     assert source.properties["Load"] == "36"
     np.testing.assert_allclose(np.asarray(table.stamps), T, rtol=LAST_DIGIT)
@@ -195,15 +217,24 @@ def test_texts_of_a_workbook_that_look_like_numbers_are_numbers(tmp_path: Path) 
 
 @pytest.mark.parametrize(
     ("first", "began"),
-    [(dt.datetime(2026, 3, 1, 23, 59, 59), True), (dt.time(10, 0, 0), False), (dt.timedelta(hours=30), False)],
+    [
+        (dt.datetime(2026, 3, 1, 23, 59, 59), True),
+        (dt.time(10, 0, 0), False),
+        (dt.timedelta(hours=30), False),
+    ],
 )
-def test_stamps_of_a_workbook_become_seconds_since_the_first(tmp_path: Path, first: Any, began: bool) -> None:
+def test_stamps_of_a_workbook_become_seconds_since_the_first(
+    tmp_path: Path, first: Any, began: bool
+) -> None:
     moments = [k * dt.timedelta(milliseconds=40) for k in range(50)]
     day = dt.date(2026, 3, 1)
     stamps = [
-        (dt.datetime.combine(day, first) + m).time() if isinstance(first, dt.time) else first + m for m in moments
+        (dt.datetime.combine(day, first) + m).time() if isinstance(first, dt.time) else first + m
+        for m in moments
     ]
-    table = open_excel(book(tmp_path, ["Time", "v"], *([s, k] for k, s in enumerate(stamps)), [None, 3.0])).load([1], 0)
+    table = open_excel(
+        book(tmp_path, ["Time", "v"], *([s, k] for k, s in enumerate(stamps)), [None, 3.0])
+    ).load([1], 0)
     assert table.stamped
     assert (table.began is not None) == began
     # A workbook keeps stamps as days; what is read back is rounded to milliseconds.
@@ -211,12 +242,16 @@ def test_stamps_of_a_workbook_become_seconds_since_the_first(tmp_path: Path, fir
 
 
 def test_an_old_workbook_with_a_password_is_rejected_as_such(tmp_path: Path) -> None:
-    (tmp_path / "a.xls").write_bytes(xls.book([["v"], [1.0]], top=xls.record(0x2F, b"\1".ljust(54, b"\0"))))
+    (tmp_path / "a.xls").write_bytes(
+        xls.book([["v"], [1.0]], top=xls.record(0x2F, b"\1".ljust(54, b"\0")))
+    )
     with pytest.raises(LogError, match=r"a.xls: .*password"):
         open_excel(tmp_path / "a.xls")
 
 
-def test_a_panic_of_the_reader_leaves_the_sentence_alone(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_panic_of_the_reader_leaves_the_sentence_alone(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     path = xlsb.write(tmp_path / "a.xlsb", xlsb.sheet([["v"], [1.0]]), name_letters=1_000_000)
     with pytest.raises(LogError, match=r"a.xlsb: .*damaged"):
         open_log(path)
@@ -225,22 +260,34 @@ def test_a_panic_of_the_reader_leaves_the_sentence_alone(tmp_path: Path, capfd: 
 
 @pytest.mark.parametrize(
     ("cell", "factor"),
-    [(lambda x: f"{x:,.0f}", 1.0), (lambda x: f"{x / 1000:.3f}".replace(".", ","), 1e-3), (lambda x: f"{x:,.1f}", 1.0)],
+    [
+        (lambda x: f"{x:,.0f}", 1.0),
+        (lambda x: f"{x / 1000:.3f}".replace(".", ","), 1e-3),
+        (lambda x: f"{x:,.1f}", 1.0),
+    ],
     ids=["thousands", "decimals", "both"],
 )
 def test_a_comma_in_the_texts_of_a_workbook_is_read_by_its_whole_column(
     tmp_path: Path, cell: Callable[[float], str], factor: float
 ) -> None:
     force = [200.0 + 9.0 * abs(k - 250) for k in range(500)]
-    path = book(tmp_path, ["Time (s)", "Force (N)"], *([0.04 * k, cell(force[k])] for k in range(500)))
+    path = book(
+        tmp_path, ["Time (s)", "Force (N)"], *([0.04 * k, cell(force[k])] for k in range(500))
+    )
     values = open_excel(path).load([1], 0).values[1]
     assert values.tolist() == pytest.approx([factor * x for x in force], abs=0.5 * factor)
 
 
-@pytest.mark.parametrize("odd", [["Time (s)", "Velocity (m/s)", "Force (N)"], ["crane stopped", "", ""]])
+@pytest.mark.parametrize(
+    "odd", [["Time (s)", "Velocity (m/s)", "Force (N)"], ["crane stopped", "", ""]]
+)
 @pytest.mark.parametrize("place", [100, 500])
-def test_a_note_or_repeated_names_in_a_workbook_are_skipped(tmp_path: Path, odd: Sequence[str], place: int) -> None:
+def test_a_note_or_repeated_names_in_a_workbook_are_skipped(
+    tmp_path: Path, odd: Sequence[str], place: int
+) -> None:
     rows: list[Sequence[object]] = [[0.04 * k, 0.5, 300.0 + k] for k in range(500)]
     rows.insert(place, odd)
-    table = open_excel(book(tmp_path, ["Time (s)", "Velocity (m/s)", "Force (N)"], *rows)).load([1, 2], 0)
+    table = open_excel(book(tmp_path, ["Time (s)", "Velocity (m/s)", "Force (N)"], *rows)).load(
+        [1, 2], 0
+    )
     assert table.values[2].tolist() == [300.0 + k for k in range(500)]

@@ -1,4 +1,5 @@
-"""Workbooks and MATLAB files read in a process of its own: what comes through, and what becomes of it at a limit or a crash.
+"""Workbooks and MATLAB files read in a process of its own: what comes through, and what becomes of
+it at a limit or a crash.
 
 The limits themselves are tried on files of `tests/hardening/bombs.py` there.
 """
@@ -70,7 +71,11 @@ def test_numbers_texts_and_properties_come_through_as_they_are(tmp_path: Path) -
 @POSIX
 @pytest.mark.parametrize(
     ("number", "words"),
-    [("6", r"crashed \(SIGABRT\)"), ("11", r"crashed \(SIGSEGV\)"), ("9", "takes more than 2000 MB")],
+    [
+        ("6", r"crashed \(SIGABRT\)"),
+        ("11", r"crashed \(SIGSEGV\)"),
+        ("9", "takes more than 2000 MB"),
+    ],
 )
 def test_a_crash_of_the_reader_is_one_sentence(number: str, words: str, tmp_path: Path) -> None:
     (tmp_path / "a.mat").touch()

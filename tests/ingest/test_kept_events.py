@@ -1,4 +1,6 @@
-"""What the machine does is kept as logged: steps, ringing, snap loads, stops, an open clutch, a chopper; no fault is found."""
+"""What the machine does is kept as logged: steps, ringing, snap loads, stops, an open clutch, a
+chopper; no fault is found.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -67,12 +69,17 @@ def chopped(t: Signal, x: dict[str, Signal], k: int) -> None:
 
 EVENTS: dict[str, Event] = {
     **{f"rings at {hertz} Hz": ring(hertz) for hertz in (1.5, 3.0, 5.7, 8.0, 11.0)},
-    **{f"decay of {name}": decay(name, size) for name, size in {"torque": 150.0, "vdc": 80.0, "force": 1500.0}.items()},
+    **{
+        f"decay of {name}": decay(name, size)
+        for name, size in {"torque": 150.0, "vdc": 80.0, "force": 1500.0}.items()
+    },
     **{f"slack line, {n}": change(n, force=0.02, torque=0.02) for n in (2, 3, 5)},
     **{f"snap load, {n}": change(n, force=1.5, torque=1.5) for n in (2, 3, 5)},
     **{f"load off, {n}": change(n, force=0.3, torque=0.1, vdc=0.3, idc=0.3) for n in (6, 8, 20)},
     **{
-        f"crane at {share} of its speed": change(50, velocity=share, force=0.2, torque=0.0, vdc=0.0, idc=0.0)
+        f"crane at {share} of its speed": change(
+            50, velocity=share, force=0.2, torque=0.0, vdc=0.0, idc=0.0
+        )
         for share in (0.0, 0.2)
     },
     "open clutch": change(25, velocity=0.6, torque=0.0, vdc=0.02, idc=0.02),
@@ -93,12 +100,17 @@ def test_an_event_that_the_machine_makes_is_no_fault(event: str, rate: float) ->
 def test_a_logger_with_coarse_steps_or_held_updates_has_no_fault() -> None:
     def coarse(steps: int, noise: float) -> None:
         t, signals = logged(noise=noise)
-        rounded = {name: np.round(x / np.ptp(x) * steps) * np.ptp(x) / steps for name, x in signals.items()}
+        rounded = {
+            name: np.round(x / np.ptp(x) * steps) * np.ptp(x) / steps for name, x in signals.items()
+        }
         assert repaired(t, rounded) == []
 
     def held(rows: int, noise: float) -> None:
         t, signals = logged(100.0, noise)
-        assert repaired(t, {name: x[np.arange(x.size) // rows * rows] for name, x in signals.items()}) == []
+        assert (
+            repaired(t, {name: x[np.arange(x.size) // rows * rows] for name, x in signals.items()})
+            == []
+        )
 
     assert failures(coarse, all_pairs([10, 30, 100], [0.0, 0.3, 1.0])) == []
     assert failures(held, all_pairs([2, 3, 5], [0.0, 0.3, 1.0])) == []

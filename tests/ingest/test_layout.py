@@ -5,7 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from campaign_log import HEAD, NAMES, ROWS, SAME, UNITS, clean, efficiencies, kinds, read, stamps, text
+from campaign_log import (
+    HEAD,
+    NAMES,
+    ROWS,
+    SAME,
+    UNITS,
+    clean,
+    efficiencies,
+    kinds,
+    read,
+    stamps,
+    text,
+)
 
 from winchcascade import read_run
 from winchcascade.core.errors import LogError
@@ -18,12 +30,16 @@ PREAMBLE = "Test rig: winch 3\nOperator: Lin, Wang\nDate: 2026-04-18\nSample rat
 GROUPS = ["", "Line", "Line", "Accumulator", "Line", "Shaft", "DC link", "DC link"]
 
 
-def rows_of(*above: list[str], head: list[str] = HEAD, delimiter: str = ",", decimal: str = ".") -> str:
+def rows_of(
+    *above: list[str], head: list[str] = HEAD, delimiter: str = ",", decimal: str = "."
+) -> str:
     return text([*above, *ROWS], head, delimiter=delimiter, decimal=decimal)
 
 
 def labview(axis: str, decimal: str, *, comment: bool, segment: int = len(ROWS)) -> str:
-    """An .lvm file as LabVIEW's Write To Measurement File writes it, with a heading above each segment of so many rows."""
+    """An .lvm file as LabVIEW's Write To Measurement File writes it, with a heading above each
+    segment of so many rows.
+    """
     n, apart = len(NAMES) - 1, "\t\t" if axis == "Multi" else "\t"
     top = [
         "LabVIEW Measurement",
@@ -57,8 +73,13 @@ def campbell() -> str:
     names = '"TIMESTAMP","RECORD","Disp","Velocity","Pressure","Force","Torque","Vdc","Idc"\n'
     units = '"TS","RN","m","m/s","kg/cm2","N","N.m","Volts","Amps"\n"","","Smp","Smp","Smp","Smp","Smp","Smp","Smp"\n'
     when = stamps("%Y-%m-%d %H:%M:%S.~", digits=2)
-    body = "".join(f'"{s}",{k},{",".join(row[1:])}\n' for k, (s, row) in enumerate(zip(when, ROWS, strict=True)))
-    return '"TOA5","CR1000X","CR1000X","1234","CPU:winch.CR1X","5678","Fast"\n' + names + units + body
+    body = "".join(
+        f'"{s}",{k},{",".join(row[1:])}\n'
+        for k, (s, row) in enumerate(zip(when, ROWS, strict=True))
+    )
+    return (
+        '"TOA5","CR1000X","CR1000X","1234","CPU:winch.CR1X","5678","Fast"\n' + names + units + body
+    )
 
 
 WRITTEN: dict[str, str] = {
@@ -134,7 +155,9 @@ def test_unicode_reads_the_same_with_and_without_a_mark(encoding: str, tmp_path:
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
 
 
-@pytest.mark.parametrize(("word", "encoding"), [("Größe", "cp1252"), ("直流電壓", "cp950"), ("張力", "utf-8")])
+@pytest.mark.parametrize(
+    ("word", "encoding"), [("Größe", "cp1252"), ("直流電壓", "cp950"), ("張力", "utf-8")]
+)
 def test_the_encoding_is_the_one_in_which_the_names_read_best(word: str, encoding: str) -> None:
     assert find_encoding(f"Time (s);{word} (V)\n0,0;1,0\n".encode(encoding)) == encoding
 
@@ -145,10 +168,13 @@ def test_the_encoding_is_the_one_in_which_the_names_read_best(word: str, encodin
         "Sample rate: 25 Hz", "Sample Rate (Hz),25", "Sampling interval [ms]: 40", "dt = 0.04", "# fs = 25",
         "Sample interval,0.04,s", "Sampling rate;25,0 Hz", "Sample Rate:\t25", "Abtastrate: 25 Hz", "取樣頻率: 25 Hz",
         "採樣頻率(Hz),25", "Sampling frequency (kHz): 0.025", "Sample Period: 40 ms", "Sample interval: 40000 us",
-        "Scan rate: 25 S/s", "Rate (Hz): 25", "Sample rate: 1500 samples/min", "Sample rate: 0.025 kS/s",
+        "Scan rate: 25 S/s", "Rate (Hz): 25", "Sample rate: 1500 samples/min", "Sample rate: "
+                                                                               "0.025 kS/s",
     ],
 )  # fmt: skip
-def test_a_sampling_rate_in_the_preamble_stands_in_for_a_time_column(line: str, tmp_path: Path) -> None:
+def test_a_sampling_rate_in_the_preamble_stands_in_for_a_time_column(
+    line: str, tmp_path: Path
+) -> None:
     run = read(tmp_path, f"{line}\n{text(NO_TIME, HEAD[1:])}")
     assert run.fs == pytest.approx(25.0)
     assert kinds(run) == set()
@@ -167,14 +193,23 @@ REJECTED: dict[str, tuple[str | bytes, str]] = {
         "9 column names above rows of 8 cells",
     ),
     "decimal commas between commas": (text(decimal=","), "8 column names above rows of 16 cells"),
-    "prose": ("It was the best of times, it was the worst of times.\n" * 300, "no table of numbers"),
+    "prose": (
+        "It was the best of times, it was the worst of times.\n" * 300,
+        "no table of numbers",
+    ),
     "blank": ("   \n" * 100, "no table of numbers"),
     "HTML": ("<!DOCTYPE html><table><tr><td>1</td></tr></table>\n" * 9, "no table of numbers"),
     "JSON": ('{"time": [0, 1, 2],\n "velocity": [0, 1, 2]}\n', "no table of numbers"),
     "PNG": (b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 9, "is a PNG picture"),
     "NUL bytes": (bytes(5000), "is a binary file"),
-    "junk": (bytes(i * i % 251 for i in range(99_999)), "is a binary file|no table|lines of more than"),
-    "junk without line ends": (bytes(128 + i * i % 97 for i in range(300_000)), "lines of more than 64 kB"),
+    "junk": (
+        bytes(i * i % 251 for i in range(99_999)),
+        "is a binary file|no table|lines of more than",
+    ),
+    "junk without line ends": (
+        bytes(128 + i * i % 97 for i in range(300_000)),
+        "lines of more than 64 kB",
+    ),
     "20 MB in one line": (b"1.5," * (5 << 20), "lines of more than 64 kB"),
     "20 MB in one line of brackets": (b"(" * (20 << 20), "lines of more than 64 kB"),
     "100 000 columns": ((",".join(["1.5"] * 100_000) + "\n") * 12, "lines of more than 64 kB"),
@@ -202,13 +237,17 @@ LETTERS = ["t", "x", "v", "p", "F", "M", "U", "I"]
 
 
 @pytest.mark.parametrize("delimiter", [",", ";", "\t", " "])
-def test_names_of_single_letters_are_names_though_some_are_units_too(delimiter: str, tmp_path: Path) -> None:
+def test_names_of_single_letters_are_names_though_some_are_units_too(
+    delimiter: str, tmp_path: Path
+) -> None:
     run = read(tmp_path, rows_of(head=LETTERS, delimiter=delimiter))
     assert kinds(run) == {"unit_assumed"}
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
 
 
-@pytest.mark.parametrize(("above", "columns"), [([], (0, 1, 2)), ([["Operator", "Lin", "", ""]], (0, 2, 4, 5))])
+@pytest.mark.parametrize(
+    ("above", "columns"), [([], (0, 1, 2)), ([["Operator", "Lin", "", ""]], (0, 2, 4, 5))]
+)
 def test_a_line_of_letters_is_the_names_where_no_other_line_is(
     above: list[list[str]], columns: tuple[int, ...], tmp_path: Path
 ) -> None:
@@ -241,12 +280,16 @@ RATES = """40 ms|0.04 s|40000 us|25 Hz|0.025 kHz|25000 mHz|25 S/s|0.025 kS/s|25 
 
 @pytest.mark.parametrize("key", ["Sample rate", "Sampling interval"])
 @pytest.mark.parametrize("value", RATES)
-def test_the_unit_decides_whether_a_preamble_states_a_period_or_a_rate(key: str, value: str) -> None:
+def test_the_unit_decides_whether_a_preamble_states_a_period_or_a_rate(
+    key: str, value: str
+) -> None:
     assert waveform({key: value}) == pytest.approx((0.04, 0.0))
     number, _, unit = value.partition(" ")
     assert waveform({f"{key} ({unit})": number}) == pytest.approx((0.04, 0.0))
 
 
 @pytest.mark.parametrize("value", ["25 N", "0.5 mm/s", "115200 baud", "25 furlongs"])
-def test_a_rate_in_a_unit_that_is_none_of_time_or_frequency_is_no_rate_of_samples(value: str) -> None:
+def test_a_rate_in_a_unit_that_is_none_of_time_or_frequency_is_no_rate_of_samples(
+    value: str,
+) -> None:
     assert waveform({"Rate": value}) == (None, 0.0)

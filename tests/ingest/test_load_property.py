@@ -14,7 +14,8 @@ LOG = Path(__file__).parents[2] / "fixtures" / "campaign" / "r9ohm.csv"
     ("line", "ohm"),
     [
         ("Load: 9 ohm / 50 Hz", 9.0), ("Load: 9 \u03a9", 9.0), ("R_load: 0.009 kohm", 9.0), ("load_mOhm: 9000", 9.0),
-        ("load_ohm: 9", 9.0), ("Load resistance: 9000 mOhm (water cooled)", 9.0), ("Load: open circuit", math.inf),
+        ("load_ohm: 9", 9.0), ("Load resistance: 9000 mOhm (water cooled)", 9.0), ("Load: open "
+                                                                                   "circuit", math.inf),
         ("Load: 1 kW", None), ("Load: 9 / 50 Hz", None), ("Load: 9 ohm or 18 ohm", None), ("Load: high", None),
         ("Load: -9 ohm", None), ("Load: 9 V", None),
     ],

@@ -1,4 +1,6 @@
-"""MATLAB files: vectors, structs, matrices with names and what Simulink saves are columns; objects are rejected."""
+"""MATLAB files: vectors, structs, matrices with names and what Simulink saves are columns;
+objects are rejected.
+"""
 
 from __future__ import annotations
 
@@ -39,9 +41,18 @@ def headers(path: Path) -> dict[str, str | None]:
 
 
 @pytest.mark.parametrize(("form", "compressed"), [("4", False), ("5", True)])
-def test_vectors_of_the_usual_length_are_columns(tmp_path: Path, form: Literal["4", "5"], compressed: bool) -> None:
+def test_vectors_of_the_usual_length_are_columns(
+    tmp_path: Path, form: Literal["4", "5"], compressed: bool
+) -> None:
     path = tmp_path / "a.mat"
-    variables = {"t": T, "v": V[np.newaxis, :], "p": P[:, np.newaxis], "other": V[:7], "R_L": 36.0, "Fs": 25.0}
+    variables = {
+        "t": T,
+        "v": V[np.newaxis, :],
+        "p": P[:, np.newaxis],
+        "other": V[:7],
+        "R_L": 36.0,
+        "Fs": 25.0,
+    }
     savemat(path, variables, format=form, do_compression=compressed)
     source = open_mat(path)
     table = source.load([1, 2], 0)
@@ -53,7 +64,13 @@ def test_vectors_of_the_usual_length_are_columns(tmp_path: Path, form: Literal["
 
 
 def test_fields_of_structs_are_columns_with_units_from_a_struct(tmp_path: Path) -> None:
-    log = {"v": V, "p": P, "dt": H, "units": {"v": "m/s", "p": "bar"}, "inner": {"idc": V.astype(np.float32)}}
+    log = {
+        "v": V,
+        "p": P,
+        "dt": H,
+        "units": {"v": "m/s", "p": "bar"},
+        "inner": {"idc": V.astype(np.float32)},
+    }
     path = write(tmp_path, log=log, note="crane")
     assert headers(path) == {"v": "m/s", "p": "bar", "idc": None}
     assert open_mat(path).time_step == H
@@ -64,7 +81,12 @@ def test_fields_of_structs_are_columns_with_units_from_a_struct(tmp_path: Path) 
 def test_a_matrix_with_names_is_a_table(tmp_path: Path, turned: bool) -> None:
     matrix = np.column_stack([T, V, P])
     names = np.array(["Time", "Velocity", "Pressure"], dtype=object)
-    path = write(tmp_path, data=matrix.T if turned else matrix, Names=names, units=np.array(["s  ", "m/s", "bar"]))
+    path = write(
+        tmp_path,
+        data=matrix.T if turned else matrix,
+        Names=names,
+        units=np.array(["s  ", "m/s", "bar"]),
+    )
     assert headers(path) == {"Time": "s", "Velocity": "m/s", "Pressure": "bar"}
     np.testing.assert_array_equal(open_mat(path).load([1], None).values[1], V)
 
@@ -74,18 +96,24 @@ def test_a_matrix_with_names_is_a_table(tmp_path: Path, turned: bool) -> None:
     [(b"\x10\0\x03\0m/s", b"\xe8\0\x03\0m/s"), (b"\x05\0\0\0\x08\0\0\0", b"\x05\0\0\0\0\0\0\0")],
     ids=["type", "shape"],
 )
-def test_a_broken_tag_is_rejected_and_the_process_lives(tmp_path: Path, tag: bytes, broken: bytes) -> None:
+def test_a_broken_tag_is_rejected_and_the_process_lives(
+    tmp_path: Path, tag: bytes, broken: bytes
+) -> None:
     path = write(tmp_path, v=V, note="m/s")
     path.write_bytes(path.read_bytes().replace(tag, broken))
     with pytest.raises(LogError, match=r"^a.mat: .*damaged"):
         read_run(path)
 
 
-def test_v73_may_hold_itself_and_needs_h5py(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_v73_may_hold_itself_and_needs_h5py(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "a.mat"
     path.write_bytes(seeds("mat73")[0])
     with h5py.File(path, "r+") as file:
-        file.create_dataset("nothing", data=np.array([0, 0], np.uint64)).attrs["MATLAB_empty"] = np.uint8(1)
+        file.create_dataset("nothing", data=np.array([0, 0], np.uint64)).attrs["MATLAB_empty"] = (
+            np.uint8(1)
+        )
     assert headers(path)["Velocity"] == "m/s"
     with h5py.File(path, "r+") as file:
         file["log/again"] = file["log"]
@@ -96,13 +124,19 @@ def test_v73_may_hold_itself_and_needs_h5py(tmp_path: Path, monkeypatch: pytest.
         open_mat(path)
 
 
-def test_the_signals_of_simulink_and_series_as_structs_are_named_by_their_labels(tmp_path: Path) -> None:
+def test_the_signals_of_simulink_and_series_as_structs_are_named_by_their_labels(
+    tmp_path: Path,
+) -> None:
     columns = {name: VALUES[:, k] for k, name in enumerate(NAMES) if k}
     signals = np.array([{"values": x, "label": name} for name, x in columns.items()], dtype=object)
-    series: dict[str, Any] = {name: {"Time": VALUES[:, 0], "Data": x} for name, x in columns.items()}
+    series: dict[str, Any] = {
+        name: {"Time": VALUES[:, 0], "Data": x} for name, x in columns.items()
+    }
     for variables in ({"out": {"time": VALUES[:, 0], "signals": signals}}, series):
         with readers_here():
-            assert efficiencies(read_run(write(tmp_path, **variables, units=UNITS))) == pytest.approx(clean(), abs=SAME)
+            assert efficiencies(
+                read_run(write(tmp_path, **variables, units=UNITS))
+            ) == pytest.approx(clean(), abs=SAME)
 
 
 def element(kind: int, body: bytes) -> bytes:
@@ -111,7 +145,11 @@ def element(kind: int, body: bytes) -> bytes:
 
 def opaque(name: bytes, kind: bytes) -> bytes:
     """An object as MATLAB v7 saves it."""
-    numbers = element(6, struct.pack("<II", 13, 0)) + element(5, struct.pack("<ii", 6, 1)) + element(1, b"")
+    numbers = (
+        element(6, struct.pack("<II", 13, 0))
+        + element(5, struct.pack("<ii", 6, 1))
+        + element(1, b"")
+    )
     inner = element(14, numbers + element(6, np.arange(6, dtype="<u4").tobytes()))
     texts = element(1, name) + element(1, b"MCOS") + element(1, kind)
     return element(14, element(6, struct.pack("<II", 17, 0)) + texts + inner)
@@ -121,8 +159,14 @@ def opaque(name: bytes, kind: bytes) -> bytes:
     ("kind", "export"),
     [
         (b"timetable", "writetimetable(run, 'run.csv')"),
-        (b"timeseries", "s.time = run.Time; s.velocity = run.Data; save('run.mat', '-struct', 's')"),
-        (b"Simulink.SimulationData.Dataset", "save('run.mat', '-struct', 's') with a struct s of vectors"),
+        (
+            b"timeseries",
+            "s.time = run.Time; s.velocity = run.Data; save('run.mat', '-struct', 's')",
+        ),
+        (
+            b"Simulink.SimulationData.Dataset",
+            "save('run.mat', '-struct', 's') with a struct s of vectors",
+        ),
     ],
 )
 def test_an_object_is_rejected_with_its_export(kind: bytes, export: str, tmp_path: Path) -> None:
@@ -135,7 +179,10 @@ def test_an_object_is_rejected_with_its_export(kind: bytes, export: str, tmp_pat
 def test_an_object_of_v73_is_rejected(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
         item = file.create_dataset("run", data=np.arange(6, dtype="u4")[None])
-        item.attrs["MATLAB_class"], item.attrs["MATLAB_object_decode"] = np.bytes_("timetable"), np.int32(3)
+        item.attrs["MATLAB_class"], item.attrs["MATLAB_object_decode"] = (
+            np.bytes_("timetable"),
+            np.int32(3),
+        )
     with pytest.raises(LogError, match="'run', a timetable"):
         open_mat(tmp_path / "a.mat")
 

@@ -57,12 +57,25 @@ def test_a_log_without_names_is_read_by_the_numbers_of_its_columns(
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
 
 
-def test_a_log_without_numbers_or_with_one_beyond_its_columns_is_rejected_with_the_remedy(tmp_path: Path) -> None:
+def test_a_log_without_numbers_or_with_one_beyond_its_columns_is_rejected_with_the_remedy(
+    tmp_path: Path,
+) -> None:
     for content in (BARE, workbook(*NUMBERS)):
-        with readers_here(), pytest.raises(LogError, match=r"number the columns in a rig file: \[columns\] velocity ="):
+        with (
+            readers_here(),
+            pytest.raises(
+                LogError, match=r"number the columns in a rig file: \[columns\] velocity ="
+            ),
+        ):
             read(tmp_path, content)
-    with pytest.raises(LogError, match="no column 9, which the rig numbered names for idc; the log has 8 columns"):
-        read(tmp_path, BARE, rig=parse_rig(rig(NUMBERED.replace("number = 8", "number = 9")), "rig.toml"))
+    with pytest.raises(
+        LogError, match="no column 9, which the rig numbered names for idc; the log has 8 columns"
+    ):
+        read(
+            tmp_path,
+            BARE,
+            rig=parse_rig(rig(NUMBERED.replace("number = 8", "number = 9")), "rig.toml"),
+        )
 
 
 def test_columns_of_a_sheet_are_numbered_from_its_first_one(tmp_path: Path) -> None:

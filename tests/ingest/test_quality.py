@@ -1,4 +1,6 @@
-"""Findings: faults injected into clean logs are reported by kind, place and number; clean logs give none."""
+"""Findings: faults injected into clean logs are reported by kind, place and number; clean logs
+give none.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -31,7 +33,9 @@ from winchcascade.ingest.checks.quality import Checked, check
 RIG = load_rig("hsu2026")
 POWERS = ("force", "velocity", "torque", "vdc", "idc")
 EFFICIENCY = 0.005
-"""A velocity from the displacement is smoothed, which moves an efficiency by less than the paper's last digit."""
+"""A velocity from the displacement is smoothed, which moves an efficiency by less than the
+paper's last digit.
+"""
 
 STATED = 0.01
 """The measured campaign's energies as its owners sum them."""
@@ -44,7 +48,11 @@ def checked(t: Signal, signals: Mapping[str, Signal], *, open_circuit: bool = Fa
 
 def unexpected(found: Checked, torque: Signal) -> list[Finding]:
     over = bool(np.abs(torque).max() > 500)
-    return [f for f in found.findings if not (over and (f.kind, f.channel) == ("out_of_range", "torque"))]
+    return [
+        f
+        for f in found.findings
+        if not (over and (f.kind, f.channel) == ("out_of_range", "torque"))
+    ]
 
 
 def only(run: Run, kind: str) -> Finding:
@@ -58,7 +66,7 @@ def energies(result: Reduction, cycle: int) -> list[float]:
     return [e for e in (m.energy_line, m.energy_mech, m.energy_gen) if e is not None]
 
 
-# ----------------------------------------------------------------------------------------------------- clean logs
+# ------------------------------------------------------------------------------------- clean logs
 @pytest.mark.parametrize("path", sorted(CAMPAIGN.glob("*.csv")), ids=lambda p: p.stem)
 def test_a_log_of_the_campaign_gives_no_finding(path: Path) -> None:
     _, entry = campaign_beside(path) or (None, None)
@@ -71,20 +79,28 @@ def has_no_finding(name: str, noise: float, rate: float) -> None:
     log = make_log(scenario, np.random.default_rng(7))
     written = [np.round(x, d) for x, d in zip(log.columns.values(), log.decimals[1:], strict=True)]
     signals = channels(np.column_stack((log.t, *written)))
-    assert unexpected(checked(log.t, signals, open_circuit=np.isinf(scenario.load)), signals["torque"]) == []
+    assert (
+        unexpected(checked(log.t, signals, open_circuit=np.isinf(scenario.load)), signals["torque"])
+        == []
+    )
 
 
 NOISES = (0.0, 0.05, 0.25, 1.0, 4.0)
 
 
-@pytest.mark.parametrize("few", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["some", "all"])
+@pytest.mark.parametrize(
+    "few", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["some", "all"]
+)
 def test_a_clean_log_gives_no_finding_whatever_its_motion_and_noise(few: bool) -> None:
     """Each scenario with the noise of real sensors and one other, or with all noises."""
     cases = []
     for k, (name, scenario) in enumerate(SCENARIOS.items()):
         other = (0.0, 0.05, 0.25, 4.0)[k % 4]
         for noise in (1.0, other) if few else NOISES:
-            cases += [(name, noise, rate) for rate in ({scenario.rate, 5.0} if noise < 1 else {scenario.rate})]
+            cases += [
+                (name, noise, rate)
+                for rate in ({scenario.rate, 5.0} if noise < 1 else {scenario.rate})
+            ]
     assert failures(has_no_finding, cases) == []
 
 
@@ -105,14 +121,21 @@ def test_coarse_resolution_is_neither_stuck_nor_spiky() -> None:
     def check(name: str, noise: float, coarse: float) -> None:
         log = make_log(replace(SCENARIOS[name], noise=noise), np.random.default_rng(3))
         fine = channels(np.column_stack((log.t, *log.columns.values())))
-        signals = {n: np.round(x / (coarse * steps[n])) * coarse * steps[n] for n, x in fine.items()}
-        assert unexpected(checked(log.t, signals, open_circuit=name == "open_circuit"), signals["torque"]) == []
+        signals = {
+            n: np.round(x / (coarse * steps[n])) * coarse * steps[n] for n, x in fine.items()
+        }
+        assert (
+            unexpected(
+                checked(log.t, signals, open_circuit=name == "open_circuit"), signals["torque"]
+            )
+            == []
+        )
 
     names = ["smooth", "lag_ramp", "heavy_load", "open_circuit", "wavy_1_percent"]
     assert failures(check, all_pairs(names, [0.0, 0.25, 1.0], [0.3, 1.0, 3.0])) == []
 
 
-# ----------------------------------------------------------------------------------------------- holes and channels
+# ----------------------------------------------------------------------------- holes and channels
 @pytest.mark.parametrize("name", NAMES)
 def test_empty_cells_are_counted_placed_and_bridged(tmp_path: Path, name: str) -> None:
     rows = table().copy()
@@ -127,11 +150,19 @@ def test_empty_cells_are_counted_placed_and_bridged(tmp_path: Path, name: str) -
 
 
 @pytest.mark.parametrize("name", [n for n in NAMES if n != "velocity"])
-def test_metrics_that_need_a_missing_channel_are_null_and_cycles_stay_complete(tmp_path: Path, name: str) -> None:
+def test_metrics_that_need_a_missing_channel_are_null_and_cycles_stay_complete(
+    tmp_path: Path, name: str
+) -> None:
     result = reduce(written(tmp_path, table(), without=name), window=WINDOW["r36ohm"])
-    assert [(f.kind, f.channel) for f in result.quality] == [("rig_assumed", None), ("missing_channel", name)]
+    assert [(f.kind, f.channel) for f in result.quality] == [
+        ("rig_assumed", None),
+        ("missing_channel", name),
+    ]
     assert [c.complete for c in result.cycles] == [True, True, True]
-    lost = {"force": ("energy_line", "eta_trans", "eta_pto"), "torque": ("energy_mech", "eta_trans", "eta_gen")}
+    lost = {
+        "force": ("energy_line", "eta_trans", "eta_pto"),
+        "torque": ("energy_mech", "eta_trans", "eta_gen"),
+    }
     lost |= dict.fromkeys(("vdc", "idc"), ("energy_gen", "eta_gen", "eta_pto"))
     for metric in ("energy_line", "energy_mech", "energy_gen", "eta_trans", "eta_gen", "eta_pto"):
         assert (getattr(result.mean, metric) is None) == (metric in lost.get(name, ()))
@@ -148,13 +179,17 @@ def test_a_velocity_that_is_missing_empty_or_dead_is_derived_from_the_displaceme
     rows = table().copy()
     rows[:, column("velocity")] = value
     run = written(tmp_path, rows, without=without)
-    assert [(f.kind, f.channel) for f in run.findings] == [(kind, "velocity") for kind in (*kinds, "derived_channel")]
+    assert [(f.kind, f.channel) for f in run.findings] == [
+        (kind, "velocity") for kind in (*kinds, "derived_channel")
+    ]
     mean = reduce(run, window=WINDOW["r36ohm"]).mean
     for eta in ("eta_trans", "eta_gen", "eta_pto"):
         assert getattr(mean, eta) == pytest.approx(getattr(clean().mean, eta), abs=EFFICIENCY)
 
 
-def test_a_hole_of_the_displacement_is_one_of_the_velocity_that_is_derived_from_it(tmp_path: Path) -> None:
+def test_a_hole_of_the_displacement_is_one_of_the_velocity_that_is_derived_from_it(
+    tmp_path: Path,
+) -> None:
     rows = table().copy()
     k = row_after_onset(2.0)
     rows[k : k + 40, 1] = np.nan
@@ -162,23 +197,31 @@ def test_a_hole_of_the_displacement_is_one_of_the_velocity_that_is_derived_from_
     assert [c.complete for c in result.cycles] == [True, False, True]
 
 
-# --------------------------------------------------------------------------------------------------- range and slack
+# -------------------------------------------------------------------------------- range and slack
 def test_wild_values_outside_the_range_are_both_bridged_and_out_of_range(tmp_path: Path) -> None:
     def check(after_onset: float, value: float, samples: int) -> None:
         rows = table().copy()
         k = row_after_onset(after_onset)
         rows[k : k + samples, column("torque")] = value
         run = written(tmp_path, rows)
-        assert {(f.kind, f.count) for f in run.findings} == {("spike", samples), ("out_of_range", samples)}
+        assert {(f.kind, f.count) for f in run.findings} == {
+            ("spike", samples),
+            ("out_of_range", samples),
+        }
         action = next(f.action for f in run.findings if f.kind == "out_of_range")
         assert f"but for {samples} bridged as spikes" in action
         assert run.channels["torque"].max() < 500
 
-    assert failures(check, all_pairs([-2.0, 2.0, 5.0, 9.0], [612.0, 5000.0], [1, 2, 5, 8, 50])) == []
+    assert (
+        failures(check, all_pairs([-2.0, 2.0, 5.0, 9.0], [612.0, 5000.0], [1, 2, 5, 8, 50])) == []
+    )
 
 
 def test_the_force_of_a_rod_that_pushes_is_no_slack_line(tmp_path: Path) -> None:
-    rig = parse_rig('name = "buoy with a rod"\n[winch]\nline_can_push = true\n[phases]\nfrom = "waves"\n', "rod.toml")
+    rig = parse_rig(
+        'name = "buoy with a rod"\n[winch]\nline_can_push = true\n[phases]\nfrom = "waves"\n',
+        "rod.toml",
+    )
     t = np.arange(0.0, 60.0, 0.05)
     v = 0.8 * np.sin(2.0 * np.pi * t / 6.0)
     rows = "".join(f"{a:.2f},{b:.5f},{900.0 * b:.2f}\n" for a, b in zip(t, v, strict=True))
@@ -190,7 +233,7 @@ def test_the_force_of_a_rod_that_pushes_is_no_slack_line(tmp_path: Path) -> None
     assert run.channels["force"].min() == pytest.approx(-720.0, rel=1e-3)
 
 
-# ------------------------------------------------------------------------------------------- gaps and completeness
+# -------------------------------------------------------------------------- gaps and completeness
 def with_gap(folder: Path, name: str, after_onset: float, samples: int) -> Reduction:
     """The log without some cells of a channel, or without some rows, in its second cycle."""
     rows = table().copy()
@@ -214,7 +257,9 @@ def test_a_cycle_that_counts_has_the_energies_of_the_clean_log(tmp_path: Path) -
     assert failures(check, all_pairs([*POWERS, "row"], places, [1, 5, 12, 30, 100])) == []
 
 
-def test_a_gap_of_more_than_a_second_in_the_window_makes_the_cycle_incomplete(tmp_path: Path) -> None:
+def test_a_gap_of_more_than_a_second_in_the_window_makes_the_cycle_incomplete(
+    tmp_path: Path,
+) -> None:
     def check(name: str, after_onset: float) -> None:
         result = with_gap(tmp_path, name, after_onset, 30)
         assert [c.complete for c in result.cycles] == [True, False, True]
@@ -223,7 +268,7 @@ def test_a_gap_of_more_than_a_second_in_the_window_makes_the_cycle_incomplete(tm
     assert failures(check, product([*POWERS, "row"], [0.5, 1.5, 4.0])) == []
 
 
-# ------------------------------------------------------------------------------------------------------- measured
+# --------------------------------------------------------------------------------------- measured
 def test_the_kite_campaign_gives_its_owners_energies(shared: Path) -> None:
     rig = load_rig("kitepower")
     run = read_run(shared / "kitepower-2019-10-08" / "ground_station_cycles_01_43.csv", rig=rig)

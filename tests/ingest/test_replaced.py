@@ -1,4 +1,6 @@
-"""A log that is replaced, rewritten or removed while it is read: the digest is of the bytes that were parsed."""
+"""A log that is replaced, rewritten or removed while it is read: the digest is of the bytes that
+were parsed.
+"""
 
 import hashlib
 import os
@@ -31,7 +33,9 @@ def append(log: Path) -> None:
         file.write("999.0,0.0,0.0,20.0,200.0,0.0,0.0,0.0\n")
 
 
-def change_after(monkeypatch: pytest.MonkeyPatch, log: Path, change: Callable[[Path], None], times: int) -> list[int]:
+def change_after(
+    monkeypatch: pytest.MonkeyPatch, log: Path, change: Callable[[Path], None], times: int
+) -> list[int]:
     """Change a log each time that it has been parsed, so many times; the times that are left."""
     usual, left = read._loaded, [times]
 

@@ -1,4 +1,6 @@
-"""Whatever signs a log is written with, payout comes out positive, and every inverted channel is reported."""
+"""Whatever signs a log is written with, payout comes out positive, and every inverted channel is
+reported.
+"""
 
 from collections.abc import Sequence
 from itertools import combinations, product
@@ -14,7 +16,9 @@ from winchcascade.ingest.checks.signs import opposite_signs
 
 
 def opposite(signals: dict[str, Signal]) -> list[str]:
-    """Channels that are found to be of the opposite sign, in a log at 25 Hz of the rig of the paper."""
+    """Channels that are found to be of the opposite sign, in a log at 25 Hz of the rig of the
+    paper.
+    """
     t = np.arange(signals["velocity"].size, dtype=np.float64) / 25.0
     return [*opposite_signs(Samples(t, signals, built_in()))]
 
@@ -32,14 +36,19 @@ def test_every_inverted_channel_is_found_and_corrected_and_no_other() -> None:
     assert failures(check, product(["r36ohm", "r4p5ohm", "open_circuit"], flips)) == []
 
 
-@pytest.mark.parametrize("flipped", [(), ("velocity",), ("displacement",), ("velocity", "displacement"), ("force",)])
+@pytest.mark.parametrize(
+    "flipped", [(), ("velocity",), ("displacement",), ("velocity", "displacement"), ("force",)]
+)
 def test_a_haul_in_alone_is_recognised_by_the_falling_pressure(flipped: tuple[str, ...]) -> None:
     signals = channels(table())
     back = np.flatnonzero(signals["velocity"] < -0.1)
     end = int(back[np.flatnonzero(np.diff(back) > 50)[0]])
     rows = slice(int(back[0]) - 25, end + 25)
     expected = set(flipped) - {"force"} if signals["force"][rows].max() < 20 else set(flipped)
-    assert turned({name: x[rows] for name, x in signals.items() if name in NAMES[:4]}, flipped) == expected
+    assert (
+        turned({name: x[rows] for name, x in signals.items() if name in NAMES[:4]}, flipped)
+        == expected
+    )
 
 
 def test_pressure_noise_alone_never_turns_the_velocity() -> None:
@@ -52,5 +61,8 @@ def test_pressure_noise_alone_never_turns_the_velocity() -> None:
 def test_holes_do_not_hide_a_flip() -> None:
     signals = channels(table())
     rng = np.random.default_rng(1)
-    written = {n: np.where(rng.random(x.size) < 0.2, np.nan, -x if n == "velocity" else x) for n, x in signals.items()}
+    written = {
+        n: np.where(rng.random(x.size) < 0.2, np.nan, -x if n == "velocity" else x)
+        for n, x in signals.items()
+    }
     assert opposite(written) == ["velocity"]

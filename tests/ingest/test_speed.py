@@ -1,4 +1,6 @@
-"""Speed of rotation and channels of one's own: how columns are found, and what a log without line velocity gives."""
+"""Speed of rotation and channels of one's own: how columns are found, and what a log without
+line velocity gives.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,10 @@ def crane_log(ratio: float) -> str:
     """The crane log with the speed of the generator, that many times what line and gear give."""
     rig = built_in()
     per_velocity = ratio * (rig.rpm_per_velocity or 0.0)
-    return text([[*row, f"{float(row[2]) * per_velocity:.1f}"] for row in ROWS], [*HEAD, "Generator speed (rpm)"])
+    return text(
+        [[*row, f"{float(row[2]) * per_velocity:.1f}"] for row in ROWS],
+        [*HEAD, "Generator speed (rpm)"],
+    )
 
 
 SIDE = '[columns]\nspeed = { name = "Status_RPM_V1", unit = "rpm", side = "generator" }\n'
@@ -52,17 +57,25 @@ def test_a_speed_is_that_of_the_shaft_in_radians_per_second(
     assert kinds(run) == set()
 
 
-def test_a_missing_gear_ratio_is_reported_and_a_drum_radius_gives_the_velocity(tmp_path: Path) -> None:
+def test_a_missing_gear_ratio_is_reported_and_a_drum_radius_gives_the_velocity(
+    tmp_path: Path,
+) -> None:
     run = read(tmp_path, bench_log("Generator speed (rpm)"), rig=rig_of(""))
     assert run.channels["speed"][0] == pytest.approx(600.0 / RPM)
     assert [(f.kind, f.channel) for f in run.findings] == [("unit_assumed", "speed")]
-    run = read(tmp_path, bench_log("n (rpm)"), rig=rig_of('[winch]\nr_drum = { value = 0.1, unit = "m" }\n'))
+    run = read(
+        tmp_path,
+        bench_log("n (rpm)"),
+        rig=rig_of('[winch]\nr_drum = { value = 0.1, unit = "m" }\n'),
+    )
     assert run.channels["velocity"] == pytest.approx(0.1 * run.channels["speed"])
     assert kinds(run) == {"derived_channel", "thresholds_assumed"}
 
 
 @pytest.mark.parametrize(("ratio", "found"), [(0.9, {"speed_mismatch"}), (1.004, set())])
-def test_a_speed_that_contradicts_line_drum_and_gear_is_reported(ratio: float, found: set[str], tmp_path: Path) -> None:
+def test_a_speed_that_contradicts_line_drum_and_gear_is_reported(
+    ratio: float, found: set[str], tmp_path: Path
+) -> None:
     run = read(tmp_path, crane_log(ratio))
     assert kinds(run) == found
     assert all("speed is 0.900" in finding.message for finding in run.findings)
@@ -71,26 +84,39 @@ def test_a_speed_that_contradicts_line_drum_and_gear_is_reported(ratio: float, f
 def test_a_speed_of_the_opposite_sign_follows_the_line(tmp_path: Path) -> None:
     run = read(tmp_path, crane_log(-1.0))
     assert kinds(run) == {"sign_flipped"}
-    assert run.channels["speed"].max() == pytest.approx(run.channels["velocity"].max() / 0.13, rel=0.01)
+    assert run.channels["speed"].max() == pytest.approx(
+        run.channels["velocity"].max() / 0.13, rel=0.01
+    )
 
 
 def test_channels_of_a_rig_of_its_own_are_read_by_name_or_column(tmp_path: Path) -> None:
     rig = rig_of(
-        '[channels.p_main]\nunit = "bar"\n[channels.pump]\nunit = "kW"\n[channels.valve]\nunit = "%"\n'
+        '[channels.p_main]\nunit = "bar"\n[channels.pump]\nunit = "kW"\n[channels.valve]\nunit = '
+        '"%"\n'
         '[columns]\npump = "Pumpe"\n'
     )
     rows = [[f"{0.1 * k:.1f}", "3", f"{k / 100}", "0.5"] for k in range(40)]
     run = read(tmp_path, text(rows, ["t (s)", "p_main", "Pumpe (W)", "x5"]), rig=rig)
     assert run.channels["p_main"][0] == pytest.approx(3e5)
     assert run.channels["pump"][30] == pytest.approx(0.3)
-    assert {f.message for f in run.findings} == {"1 column that is no channel: x5", "the log has no valve channel"}
+    assert {f.message for f in run.findings} == {
+        "1 column that is no channel: x5",
+        "the log has no valve channel",
+    }
     assert list(rig.known_channels)[-3:] == ["p_main", "pump", "valve"]
 
 
 def test_a_power_that_contradicts_torque_and_speed_is_reported(tmp_path: Path) -> None:
     torque = [2.0 + 0.01 * k for k in range(50)]
-    rows = [[f"{0.1 * k:.1f}", f"{600 + k}", f"{x}", f"{-x * (600 + k) / RPM}"] for k, x in enumerate(torque)]
-    run = read(tmp_path, text(rows, ["t (s)", "n (rpm)", "Torque (N.m)", "Shaft power (W)"]), rig=rig_of(""))
+    rows = [
+        [f"{0.1 * k:.1f}", f"{600 + k}", f"{x}", f"{-x * (600 + k) / RPM}"]
+        for k, x in enumerate(torque)
+    ]
+    run = read(
+        tmp_path,
+        text(rows, ["t (s)", "n (rpm)", "Torque (N.m)", "Shaft power (W)"]),
+        rig=rig_of(""),
+    )
     (finding,) = run.findings
     assert "power_mech is -1.000 times torque x speed" in finding.message
 

@@ -1,4 +1,6 @@
-"""Velocity and displacement show a clock in another unit, rows that are missing from it, and a counter that was set back."""
+"""Velocity and displacement show a clock in another unit, rows that are missing from it, and a
+counter that was set back.
+"""
 
 from pathlib import Path
 
@@ -35,7 +37,9 @@ def test_a_clock_that_counts_rows_is_reported(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("factor", [25.0, 1000.0])
 def test_long_intervals_without_a_displacement_are_reported(tmp_path: Path, factor: float) -> None:
-    finding = only(written(tmp_path, table(LOG) * ([factor] + 7 * [1.0]), without="displacement", load=18.0))
+    finding = only(
+        written(tmp_path, table(LOG) * ([factor] + 7 * [1.0]), without="displacement", load=18.0)
+    )
     assert finding.start is None
 
 
@@ -50,7 +54,9 @@ def test_rows_lost_from_a_renumbered_clock_are_put_back_as_a_gap(
     run = written(tmp_path, left, without=without, load=18.0)
     finding = only(run)
     assert finding.start == pytest.approx(table(LOG)[k - 1, 0])
-    assert finding.end == pytest.approx(table(LOG)[k + rows, 0], abs=LOST if seconds > 4 else 4 * LOST)
+    assert finding.end == pytest.approx(
+        table(LOG)[k + rows, 0], abs=LOST if seconds > 4 else 4 * LOST
+    )
     if without is None:
         cycle, true = (result.cycles[1] for result in (reduce(run, window=WINDOW[LOG]), clean(LOG)))
         assert cycle.complete == (rows < 20)
@@ -60,13 +66,19 @@ def test_rows_lost_from_a_renumbered_clock_are_put_back_as_a_gap(
 
 @pytest.mark.parametrize("without", [None, "velocity"])
 @pytest.mark.parametrize("step", ["zero", "counts"])
-def test_a_counter_that_is_set_back_within_a_payout_is_mended(tmp_path: Path, step: str, without: str | None) -> None:
+def test_a_counter_that_is_set_back_within_a_payout_is_mended(
+    tmp_path: Path, step: str, without: str | None
+) -> None:
     rows, k = table(LOG).copy(), row_after_onset(3.0, LOG)
-    rows[k:, column("displacement")] -= rows[k, column("displacement")] if step == "zero" else 6.5536
+    rows[k:, column("displacement")] -= (
+        rows[k, column("displacement")] if step == "zero" else 6.5536
+    )
     run = written(tmp_path, rows, without=without, load=18.0)
     finding = only(run)
     assert finding.repair is not None
-    assert run.channels["displacement"] == pytest.approx(table(LOG)[:, column("displacement")], abs=0.003)
+    assert run.channels["displacement"] == pytest.approx(
+        table(LOG)[:, column("displacement")], abs=0.003
+    )
 
 
 def test_a_counter_set_at_rest_by_less_than_a_stroke_gives_no_finding(tmp_path: Path) -> None:
@@ -78,5 +90,9 @@ def test_a_counter_set_at_rest_by_less_than_a_stroke_gives_no_finding(tmp_path: 
 @pytest.mark.parametrize("every", [2, 5, 10, 30])
 def test_a_displacement_that_is_updated_rarely_has_no_jump(tmp_path: Path, every: int) -> None:
     rows = table(LOG).copy()
-    rows[:, column("displacement")] = rows[np.arange(len(rows)) // every * every, column("displacement")]
-    assert [f for f in written(tmp_path, rows, load=18.0).findings if f.kind == "clock_mismatch"] == []
+    rows[:, column("displacement")] = rows[
+        np.arange(len(rows)) // every * every, column("displacement")
+    ]
+    assert [
+        f for f in written(tmp_path, rows, load=18.0).findings if f.kind == "clock_mismatch"
+    ] == []

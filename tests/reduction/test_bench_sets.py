@@ -1,4 +1,6 @@
-"""Measured benches of other people: the figures that their owners logged, or that a plain script gives."""
+"""Measured benches of other people: the figures that their owners logged, or that a plain script
+gives.
+"""
 
 from __future__ import annotations
 
@@ -64,7 +66,9 @@ def reduced(path: Path, rig: str) -> Reduction:
 
 
 def column(path: Path, number: int) -> Signal:
-    found: Signal = np.genfromtxt(path, delimiter=",", skip_header=1, usecols=[number], encoding="utf-8-sig")
+    found: Signal = np.genfromtxt(
+        path, delimiter=",", skip_header=1, usecols=[number], encoding="utf-8-sig"
+    )
     return found
 
 
@@ -76,7 +80,9 @@ def test_the_motor_efficiency_of_each_row_is_that_of_the_stand(shared: Path) -> 
 
 
 @pytest.mark.parametrize("day", ["20230615_2023-06-15_174003", "20230624_2023-06-24_190243"])
-def test_a_motor_at_rest_has_its_electrical_energy_no_speed_and_no_efficiency(day: str, shared: Path) -> None:
+def test_a_motor_at_rest_has_its_electrical_energy_no_speed_and_no_efficiency(
+    day: str, shared: Path
+) -> None:
     path = shared / "benches" / "rcbenchmark-1580" / f"StepsTest{day}.csv"
     found = reduced(path, STAND.replace("SENSOR", "Optical").replace("SOURCE", "whole"))
     (cycle,) = found.cycles
@@ -88,7 +94,9 @@ def test_a_motor_at_rest_has_its_electrical_energy_no_speed_and_no_efficiency(da
 
 
 @pytest.mark.parametrize("start", ["13-48-06", "14-54-05"])
-def test_the_shaft_energy_of_each_step_of_a_dyno_is_that_of_a_script(start: str, shared: Path) -> None:
+def test_the_shaft_energy_of_each_step_of_a_dyno_is_that_of_a_script(
+    start: str, shared: Path
+) -> None:
     path = shared / "benches" / "vdyno" / f"2025-04-16_{start}.csv"
     found = reduced(path, DYNO)
     omega, torque = column(path, 3) / RPM, column(path, 6)
@@ -100,7 +108,9 @@ def test_the_shaft_energy_of_each_step_of_a_dyno_is_that_of_a_script(start: str,
         assert cycle.metrics.energy_gen is None
 
 
-def test_a_wave_maker_at_rest_has_no_wave_and_its_power_contradicts_torque_and_speed(shared: Path) -> None:
+def test_a_wave_maker_at_rest_has_no_wave_and_its_power_contradicts_torque_and_speed(
+    shared: Path,
+) -> None:
     path = next((shared / "benches" / "siweed").glob("*.csv"))
     assert reduced(path, WAVES.replace("SOURCE", "waves")).cycles == ()
     found = reduced(path, WAVES.replace("SOURCE", "whole"))
@@ -114,7 +124,9 @@ def test_a_wave_maker_at_rest_has_no_wave_and_its_power_contradicts_torque_and_s
     assert any("power_mech is -0.98" in finding.message for finding in found.quality)
 
 
-def test_battery_and_load_dump_of_the_vented_buoy_take_0_631_of_what_the_rod_gives(shared: Path) -> None:
+def test_battery_and_load_dump_of_the_vented_buoy_take_0_631_of_what_the_rod_gives(
+    shared: Path,
+) -> None:
     found = reduce(
         shared / "benches" / "mbari-wec-pto" / "2022.12.21T15.44.24_VentedSpring.exp",
         rig=load_rig("fixtures/measured/mbari/rig.toml"),

@@ -1,4 +1,6 @@
-"""Bins of generator speed: which samples drive the generator, what is averaged of them, and what is stored meanwhile."""
+"""Bins of generator speed: which samples drive the generator, what is averaged of them, and what
+is stored meanwhile.
+"""
 
 import json
 import math
@@ -32,17 +34,30 @@ GAP = np.array([[2.0, 4.0]])
 @pytest.mark.parametrize(
     ("channels", "gaps", "plateau", "clutch", "rows"),
     [
-        ({"torque": RISING}, {}, PLATEAU, True, [2, 3, 4, 5, 7]),  # until it has risen, and then where there is torque
+        (
+            {"torque": RISING},
+            {},
+            PLATEAU,
+            True,
+            [2, 3, 4, 5, 7],
+        ),  # until it has risen, and then where there is torque
         ({"torque": np.zeros(10)}, {}, PLATEAU, True, []),
         ({}, {}, PLATEAU, True, [2, 3, 4, 5]),  # until braking
         ({}, {}, None, True, [2, 3, 4, 5, 6, 7]),
         ({"torque": RISING}, {}, PLATEAU, False, [2, 3, 4, 5, 6, 7]),
         ({}, {"pressure": GAP}, PLATEAU, True, [2, 3, 4, 5]),  # concerns no power
-        *(({}, {name: GAP}, PLATEAU, True, [2, 4, 5]) for name in (CLOCK, "velocity", "torque", "power_mech", "idc")),
+        *(
+            ({}, {name: GAP}, PLATEAU, True, [2, 4, 5])
+            for name in (CLOCK, "velocity", "torque", "power_mech", "idc")
+        ),
     ],
 )
 def test_the_generator_is_driven_where_the_clutch_is_engaged(
-    channels: Mapping[str, Signal], gaps: Mapping[str, Signal], plateau: Plateau | None, clutch: bool, rows: list[int]
+    channels: Mapping[str, Signal],
+    gaps: Mapping[str, Signal],
+    plateau: Plateau | None,
+    clutch: bool,
+    rows: list[int],
 ) -> None:
     rig = replace(built_in(), drivetrain=replace(built_in().drivetrain, one_way_clutch=clutch))
     run = Run("a.csv", T, {"displacement": T, **channels}, 1.0, T.size, gaps=gaps)
@@ -59,31 +74,42 @@ def test_a_bin_holds_the_mean_and_the_standard_error_of_its_samples() -> None:
         inside = (v > 0.2) & (v * 3000.0 >= b.rpm_low) & (v * 3000.0 < b.rpm_high)
         assert b.count == inside.sum()
         assert b.mean == {"line": pytest.approx(watts[inside].mean())}
-        assert b.standard_error["line"] == pytest.approx(watts[inside].std(ddof=1) / np.sqrt(b.count), rel=1e-6)
+        assert b.standard_error["line"] == pytest.approx(
+            watts[inside].std(ddof=1) / np.sqrt(b.count), rel=1e-6
+        )
     assert (last.rpm_low, last.count, last.standard_error) == (4600.0, 1, {})
 
 
-# ----------------------------------------------------------------------------------------------------- stored energy
+# ---------------------------------------------------------------------------------- stored energy
 TOP = 0.62
 """Line speed at the end of the ramp: 2277 rpm. [m/s]"""
 
 APART = 0.006
-"""Largest difference of an efficiency over speed from that of a steady run: the mesh loses its share of what the rotor stores,
-and a bin of a braking has few samples."""
+"""Largest difference of an efficiency over speed from that of a steady run: the mesh loses its
+share of what the rotor stores, and a bin of a braking has few samples."""
 
 UNCORRECTED = 0.05
-"""Without the correction the efficiency at 550 rpm lies below that of a steady run by more than this."""
+"""Without the correction the efficiency at 550 rpm lies below that of a steady run by more than
+this.
+"""
 
 
 def reduced(folder: Path, speed: float, rise: float, *rig: str) -> dict[str, Any]:
     """The JSON of a simulated log whose line speeds up to a speed [m/s] within some seconds."""
     profile, log = folder / f"{speed}-profile.csv", folder / f"{speed}.csv"
     stamps = np.arange(0.0, 30.0, 0.04)
-    v = np.interp(stamps, [0, 2, 2 + rise, 9, 9.5, 12, 13, 25, 26], [0, 0, speed, speed, 0, 0, -0.4, -0.4, 0])
+    v = np.interp(
+        stamps, [0, 2, 2 + rise, 9, 9.5, 12, 13, 25, 26], [0, 0, speed, speed, 0, 0, -0.4, -0.4, 0]
+    )
     rows = [f"{x:.2f},{y:.6f}" for x, y in zip(stamps, v, strict=True)]
     profile.write_text("\n".join(["time_s,velocity_mps", *rows]), encoding="utf-8")
-    assert winchcascade("simulate", "--profile", profile, "--load-ohm", "18", "--out", log).returncode == 0
-    found: dict[str, Any] = json.loads(winchcascade("reduce", log, "--window", "payout", *rig, "--json", "-").stdout)
+    assert (
+        winchcascade("simulate", "--profile", profile, "--load-ohm", "18", "--out", log).returncode
+        == 0
+    )
+    found: dict[str, Any] = json.loads(
+        winchcascade("reduce", log, "--window", "payout", *rig, "--json", "-").stdout
+    )
     return found
 
 
@@ -112,9 +138,15 @@ def test_what_the_rig_file_does_not_state_is_null(tmp_path: Path) -> None:
 def test_a_speed_that_is_logged_stores_as_one_of_the_line() -> None:
     rig, t = built_in(), np.arange(0.0, 4.0, 0.04)
     v = 0.1 + 0.2 * t
-    by_line = stored_powers(Run("a", t, {"velocity": v}, 25.0, t.size), rig)["rotor"](slice(0, t.size))
+    by_line = stored_powers(Run("a", t, {"velocity": v}, 25.0, t.size), rig)["rotor"](
+        slice(0, t.size)
+    )
     no_drum = replace(rig, winch=replace(rig.winch, r_drum=None))
-    by_speed = stored_powers(Run("a", t, {"speed": v / 0.13}, 25.0, t.size), no_drum)["rotor"](slice(0, t.size))
+    by_speed = stored_powers(Run("a", t, {"speed": v / 0.13}, 25.0, t.size), no_drum)["rotor"](
+        slice(0, t.size)
+    )
     assert by_speed == pytest.approx(by_line)
     middle = t.size // 2
-    assert by_line[middle] == pytest.approx(6260e-7 * (50.0 / 0.13) ** 2 * v[middle] * 0.2, rel=1e-6)
+    assert by_line[middle] == pytest.approx(
+        6260e-7 * (50.0 / 0.13) ** 2 * v[middle] * 0.2, rel=1e-6
+    )

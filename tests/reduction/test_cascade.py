@@ -32,8 +32,14 @@ def test_a_stage_has_a_power_where_its_channels_are(
     assert found is None if watts is None else found == pytest.approx(watts * ONE)
 
 
-def cycle(line: float | None, mech: float | None, gen: float | None, *, open_circuit: bool = False) -> Metrics:
-    return metrics({"energy_line": line, "energy_mech": mech, "energy_gen": gen}, 5.0, open_circuit=open_circuit)
+def cycle(
+    line: float | None, mech: float | None, gen: float | None, *, open_circuit: bool = False
+) -> Metrics:
+    return metrics(
+        {"energy_line": line, "energy_mech": mech, "energy_gen": gen},
+        5.0,
+        open_circuit=open_circuit,
+    )
 
 
 @pytest.mark.parametrize(
@@ -51,7 +57,9 @@ def test_efficiencies_are_ratios_of_the_energies(
 ) -> None:
     values = cycle(*energies, open_circuit=open_circuit)
     assert (values.eta_trans, values.eta_gen, values.eta_pto) == pytest.approx(etas)
-    assert [values[f"power_{stage}"] for stage in ("line", "mech", "gen")] == [e and e / 5.0 for e in energies]
+    assert [values[f"power_{stage}"] for stage in ("line", "mech", "gen")] == [
+        e and e / 5.0 for e in energies
+    ]
 
 
 def test_means_are_of_ratios_totals_of_sums_and_a_deviation_needs_two_cycles() -> None:
@@ -59,18 +67,29 @@ def test_means_are_of_ratios_totals_of_sums_and_a_deviation_needs_two_cycles() -
     assert found.mean.eta_trans == pytest.approx((0.5 + 0.6) / 2)
     assert found.total.eta_trans == pytest.approx(2300 / 4000)
     assert together([cycle(2.0, 1.0, None), cycle(2.0, None, None)], 1.0).mean.eta_trans is None
-    for nothing in (together([], 0.0).mean, together([cycle(3.0, 2.0, 1.0)], 1.0).max_deviation_percent):
+    for nothing in (
+        together([], 0.0).mean,
+        together([cycle(3.0, 2.0, 1.0)], 1.0).max_deviation_percent,
+    ):
         assert {nothing[name] for name in METRICS} == {None}
     for sign in (1.0, -1.0):
-        apart = together([cycle(sign * energy, None, None) for energy in (400.0, 500.0, 540.0)], 3.0)
+        apart = together(
+            [cycle(sign * energy, None, None) for energy in (400.0, 500.0, 540.0)], 3.0
+        )
         assert apart.max_deviation_percent.energy_line == pytest.approx(100.0 * 80.0 / 480.0)
 
 
 @pytest.mark.parametrize(
     ("cycles", "expected"),
     [
-        ([Metrics(eta_trans=1 - eta, eta_pto=eta) for eta in (0.70, 0.61, 0.65)], (1, 2, "eta_pto")),
-        ([Metrics(eta_trans=a, energy_line=b) for a, b in ((0.7, 1.0), (0.8, 2.0), (0.9, 0.5))], (3, 1, "eta_trans")),
+        (
+            [Metrics(eta_trans=1 - eta, eta_pto=eta) for eta in (0.70, 0.61, 0.65)],
+            (1, 2, "eta_pto"),
+        ),
+        (
+            [Metrics(eta_trans=a, energy_line=b) for a, b in ((0.7, 1.0), (0.8, 2.0), (0.9, 0.5))],
+            (3, 1, "eta_trans"),
+        ),
         ([Metrics(eta_pto=0.7), Metrics(), Metrics(eta_pto=0.6)], (1, 3, "eta_pto")),
     ],
 )
@@ -79,7 +98,9 @@ def test_best_and_worst_are_the_cycles_of_the_highest_and_lowest_efficiency(
 ) -> None:
     clean = reduce(read_run(Path("fixtures/campaign/r36ohm.csv")))
     made = [replace(c, metrics=m) for c, m in zip(clean.cycles, cycles, strict=True)]
-    best, worst, metric = replace(clean, cycles=tuple(made)).extremes or pytest.fail("two cycles can be compared")
+    best, worst, metric = replace(clean, cycles=tuple(made)).extremes or pytest.fail(
+        "two cycles can be compared"
+    )
     assert (best.cycle, worst.cycle, metric) == expected
     one = [replace(c, complete=c.cycle == best.cycle) for c in made]
     assert replace(clean, cycles=tuple(one)).extremes is None

@@ -42,7 +42,9 @@ def bench(folder: Path, text: str, **columns: np.ndarray) -> Reduction:
     """The reduction of a log of some columns with a rig file of its own."""
     rows = [",".join(f"{x:.9g}" for x in row) for row in zip(*columns.values(), strict=True)]
     (folder / "log.csv").write_text("\n".join([",".join(HEADERS[name] for name in columns), *rows]))
-    return reduce(read_run(folder / "log.csv", rig=parse_rig(f'name = "bench"\n{text}', "rig.toml")))
+    return reduce(
+        read_run(folder / "log.csv", rig=parse_rig(f'name = "bench"\n{text}', "rig.toml"))
+    )
 
 
 HEADERS = {
@@ -65,8 +67,12 @@ def test_two_stages_have_one_efficiency_and_no_net_energies_in_either_direction(
     assert result.rig.cascade.ratios == {"eta_gen": ("energy_gen", "energy_mech")}
     assert result.mean.eta_gen == pytest.approx(PLAIN.mean.value("eta_gen"))
     assert (result.mean.energy_line, result.mean.energy_net) == (None, None)
-    assert "whole-cycles" not in [one.id for one in reduction_report(result, uncertainty(result)).filled]
-    assert back.mean.value("eta_gen_mech") == pytest.approx(1.0 / result.mean.value("eta_gen"), rel=1e-3)
+    assert "whole-cycles" not in [
+        one.id for one in reduction_report(result, uncertainty(result)).filled
+    ]
+    assert back.mean.value("eta_gen_mech") == pytest.approx(
+        1.0 / result.mean.value("eta_gen"), rel=1e-3
+    )
     assert [f.kind for f in back.quality].count("efficiency_above_one") == 1
 
 
@@ -103,7 +109,8 @@ def test_an_own_channel_gives_a_stage_its_power(tmp_path: Path) -> None:
     log.write_text("\n".join([head + ",Oil flow (L/min)", *(line + ",60" for line in lines)]))
     text = (
         '[channels.oil]\nunit = "L/min"\n[columns]\noil = "Oil flow (L/min)"\n'
-        '[cascade]\nstages = ["oilside", "mech"]\n[stage.oilside]\npower = "pressure * oil"\nwhere = "the oil"\n'
+        '[cascade]\nstages = ["oilside", "mech"]\n[stage.oilside]\npower = "pressure * '
+        'oil"\nwhere = "the oil"\n'
         '[sensors.oil]\nunit = "L/min"\naccuracy_reading = 0.01\n'
     )
     run = read_run(log, rig=parse_rig(HSU + text, "rig.toml"))
@@ -131,8 +138,20 @@ def test_an_own_channel_gives_a_stage_its_power(tmp_path: Path) -> None:
     ],
 )
 def test_a_power_is_a_sum_of_products_of_channels_and_constants(power: str, watts: float) -> None:
-    names = ("vdc", "idc", "charge", "power_ac", "force", "velocity", "torque", "speed", "power_mech")
-    channels = {name: np.full(2, x) for name, x in zip(names, (2, 3, 5, 7, 11, 13, 17, 19, 23), strict=True)}
+    names = (
+        "vdc",
+        "idc",
+        "charge",
+        "power_ac",
+        "force",
+        "velocity",
+        "torque",
+        "speed",
+        "power_mech",
+    )
+    channels = {
+        name: np.full(2, x) for name, x in zip(names, (2, 3, 5, 7, 11, 13, 17, 19, 23), strict=True)
+    }
     text = 'name = "bench"\n[channels.charge]\nunit = "A"\n[stage.own]\npower = "{}"\n[cascade]\nstages = ["line", "own"]\n'
     stage = parse_rig(text.format(power), "rig.toml").cascade.stages[1]
     assert stage.watts(channels, 0.13) == pytest.approx(watts)
@@ -147,13 +166,19 @@ def test_a_power_is_a_sum_of_products_of_channels_and_constants(power: str, watt
             f'[stage.hyd]\npower = "{power}"\n'
             for power in ("", "2", "vdc * * idc", "vdc / (vdc + idc)", "1e999 * vdc")
         ),
-        *(f'[stage.hyd]\npower = "{power}"\n' for power in ("0 * vdc", "3 * displacement", "vdc +", "vdc * force")),
+        *(
+            f'[stage.hyd]\npower = "{power}"\n'
+            for power in ("0 * vdc", "3 * displacement", "vdc +", "vdc * force")
+        ),
         *(
             f'[stage.hyd]\npower = "{power}"\n'
             for power in ("force * speed", "pressure * oil", "force * velocity * vdc")
         ),
         *(f'[stage.{name}]\npower = "power_ac"\n' for name in ("hyd_2", "net")),
-        *(f"[cascade]\n{of}\n" for of in ('stages = ["line", "shaft"]', "stages = []", 'stages = ["line", "line"]')),
+        *(
+            f"[cascade]\n{of}\n"
+            for of in ('stages = ["line", "shaft"]', "stages = []", 'stages = ["line", "line"]')
+        ),
         '[cascade]\nstage = ["line"]\n',
         '[stage]\nhyd = "force * velocity"\n',
     ],
@@ -163,32 +188,44 @@ def test_a_wrong_cascade_is_one_sentence(text: str) -> None:
         parse_rig(HSU + text, "rig.toml")
 
 
-# ------------------------------------------------------------------------------------------------------ cycles that are spans
+# -------------------------------------------------------------------------- cycles that are spans
 def test_what_flows_back_has_its_own_efficiency(tmp_path: Path) -> None:
     t = np.arange(0.0, 40.0, 0.05)
     force, v = 100.0 + 20.0 * np.sin(3.0 * t), np.sin(0.25 * np.pi * t)
     ac = force * v * np.where(v > 0.0, 0.8, 1.0 / 0.6)
-    result = bench(tmp_path, '[cascade]\nstages = ["line", "ac"]\n', t=t, force=force, velocity=v, ac=ac)
+    result = bench(
+        tmp_path, '[cascade]\nstages = ["line", "ac"]\n', t=t, force=force, velocity=v, ac=ac
+    )
     found = record(result)["stages"]
     assert len(result.complete) > 2
     assert found["efficiency_out"]["eta_line_ac"] == pytest.approx(0.8, rel=1e-3)
     assert found["efficiency_back"]["eta_line_ac"] == pytest.approx(0.6, rel=1e-3)
     cycles = [c.net for c in result.complete]
-    rest = [np.interp(np.linspace(c.begin, c.end, 9999), t, force * v).mean() * (c.end - c.begin) for c in cycles]
-    assert found["energy_out_j"]["line"] + found["energy_back_j"]["line"] == pytest.approx(sum(rest), abs=0.5)
+    rest = [
+        np.interp(np.linspace(c.begin, c.end, 9999), t, force * v).mean() * (c.end - c.begin)
+        for c in cycles
+    ]
+    assert found["energy_out_j"]["line"] + found["energy_back_j"]["line"] == pytest.approx(
+        sum(rest), abs=0.5
+    )
 
 
 def test_steps_of_a_dyno_are_no_repeats_of_each_other(tmp_path: Path) -> None:
     text = (
-        '[log]\nsample_rate_hz = 10\n[phases]\nfrom = "steps"\n[cascade]\nstages = ["gen", "mech"]\n'
-        '[sensors.torque]\nunit = "N.m"\naccuracy_reading = 0.01\n[sensors.speed]\nunit = "rpm"\naccuracy_reading = 0.001\n'
+        '[log]\nsample_rate_hz = 10\n[phases]\nfrom = "steps"\n[cascade]\nstages = ["gen", '
+        '"mech"]\n'
+        '[sensors.torque]\nunit = "N.m"\naccuracy_reading = 0.01\n[sensors.speed]\nunit = '
+        '"rpm"\naccuracy_reading = 0.001\n'
     )
     speeds = np.repeat([300.0, 600.0, 900.0], 80)
     torque = 0.5 + 1e-3 * np.random.default_rng(3).standard_normal(speeds.size)
     result = bench(tmp_path, text, rpm=speeds, torque=torque)
     found = uncertainty(result)
     assert [round(c.metrics.value("power_mech"), 1) for c in result.cycles] == [15.7, 31.4, 47.1]
-    assert (result.max_deviation_percent.energy_mech, found.budget.repeatability.energy_mech) == (None, None)
+    assert (result.max_deviation_percent.energy_mech, found.budget.repeatability.energy_mech) == (
+        None,
+        None,
+    )
     assert found.standard.value("energy_mech") < 0.02 * result.mean.value("energy_mech")
     reasons = [f.message for f in result.quality if f.kind == "missing_channel"]
     assert reasons == ["stage gen has no power (vdc * idc): the log has no vdc and no idc"]
@@ -208,8 +245,12 @@ def test_a_whole_record_states_what_flows_both_ways_and_bears_a_short_gap(tmp_pa
     assert flow.negative == pytest.approx(float(np.minimum(power, 0.0).sum() * 1e-3), rel=0.03)
     assert result.mean.energy_mech == pytest.approx(flow.positive + flow.negative, rel=1e-3)
     blocks = reduction_report(result, uncertainty(result)).blocks
-    (row,) = next(block.texts for block in blocks if isinstance(block, Table) and block.id == "directions")
-    assert [float(cell) for cell in row[1:]] == pytest.approx([flow.positive, flow.negative], rel=0.01)
+    (row,) = next(
+        block.texts for block in blocks if isinstance(block, Table) and block.id == "directions"
+    )
+    assert [float(cell) for cell in row[1:]] == pytest.approx(
+        [flow.positive, flow.negative], rel=0.01
+    )
 
 
 def test_torque_without_a_drum_radius_is_reported() -> None:

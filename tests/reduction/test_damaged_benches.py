@@ -1,4 +1,6 @@
-"""Benches without a line whose log or rig file is wrong: every fault is reported; each log is made here."""
+"""Benches without a line whose log or rig file is wrong: every fault is reported; each log is
+made here.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +20,16 @@ RIG = 'name = "dyno"\n[cascade]\nstages = ["mech", "gen"]\n[phases]\nfrom = "ste
 def dyno() -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Four operating points of 10 s behind a rest, with noise, and a generator of 80 %."""
     rng = np.random.default_rng(12)
-    rpm, torque = (np.repeat(x, 200) for x in ((0.0, 200.0, 200.0, 500.0, 500.0), (0.0, 30.0, 60.0, 30.0, 60.0)))
+    rpm, torque = (
+        np.repeat(x, 200)
+        for x in ((0.0, 200.0, 200.0, 500.0, 500.0), (0.0, 30.0, 60.0, 30.0, 60.0))
+    )
     volt = 40.0 + 0.5 * rpm
     clean = (rpm, torque, volt, 0.8 * torque * rpm * np.pi / 30.0 / volt)
     noise = (0.05, 0.1, 0.05, 0.01)
     return STEP * np.arange(rpm.size), {
-        name: x + rng.normal(0.0, u, x.size) for name, x, u in zip(CHANNELS, clean, noise, strict=True)
+        name: x + rng.normal(0.0, u, x.size)
+        for name, x, u in zip(CHANNELS, clean, noise, strict=True)
     }
 
 
@@ -34,7 +40,12 @@ def reduced(
     t = STEP * np.arange(next(iter(channels.values())).size)
     log, toml, record = folder / "log.csv", folder / "rig.toml", folder / "out.json"
     np.savetxt(
-        log, np.column_stack((t, *channels.values())), "%.6g", ",", header=f"Time (s),{','.join(channels)}", comments=""
+        log,
+        np.column_stack((t, *channels.values())),
+        "%.6g",
+        ",",
+        header=f"Time (s),{','.join(channels)}",
+        comments="",
     )
     toml.write_text(rig or "")
     options: list[str | Path] = ["--rig", toml] if rig else []
@@ -69,13 +80,21 @@ def test_power_against_the_cascade_is_the_reason_for_a_missing_efficiency(
     assert found["total"]["eta_gen"] == pytest.approx(0.8, abs=0.001)
 
 
-@pytest.mark.parametrize(("head", "unit"), [("Torque (N.m)", "Torque (kN.m)"), ("Idc (A)", "Idc (mA)")])
-def test_an_efficiency_of_less_than_a_hundredth_is_a_wrong_unit(head: str, unit: str, tmp_path: Path) -> None:
-    _, quality = reduced(tmp_path, {unit if name == head else name: x for name, x in dyno()[1].items()})
+@pytest.mark.parametrize(
+    ("head", "unit"), [("Torque (N.m)", "Torque (kN.m)"), ("Idc (A)", "Idc (mA)")]
+)
+def test_an_efficiency_of_less_than_a_hundredth_is_a_wrong_unit(
+    head: str, unit: str, tmp_path: Path
+) -> None:
+    _, quality = reduced(
+        tmp_path, {unit if name == head else name: x for name, x in dyno()[1].items()}
+    )
     assert ["check the units" in f["message"] for f in quality] == [True]
 
 
-def test_the_reason_for_a_stage_without_power_names_the_channel_that_is_lost(tmp_path: Path) -> None:
+def test_the_reason_for_a_stage_without_power_names_the_channel_that_is_lost(
+    tmp_path: Path,
+) -> None:
     channels = dyno()[1]
     channels["Torque (N.m)"][:] = np.nan
     _, quality = reduced(tmp_path, channels)
@@ -96,10 +115,14 @@ def test_a_bench_without_a_rig_file_gets_the_fitting_source_of_cycles(tmp_path: 
         for m in proposals(tmp_path, channels)
     ] == [True]
     rng, t = np.random.default_rng(3), np.arange(0.0, 120.0, STEP)
-    wandering = {"Speed (rpm)": 300.0 + 100.0 * np.sin(0.9 * t), "Torque (N.m)": 40.0 + rng.normal(0.0, 1.0, t.size)}
-    assert ['for the energies of the whole record set from = "whole"' in m for m in proposals(tmp_path, wandering)] == [
-        True
-    ]
+    wandering = {
+        "Speed (rpm)": 300.0 + 100.0 * np.sin(0.9 * t),
+        "Torque (N.m)": 40.0 + rng.normal(0.0, 1.0, t.size),
+    }
+    assert [
+        'for the energies of the whole record set from = "whole"' in m
+        for m in proposals(tmp_path, wandering)
+    ] == [True]
 
 
 def test_a_sea_gets_waves_and_a_winch_nothing(tmp_path: Path) -> None:
@@ -109,15 +132,22 @@ def test_a_sea_gets_waves_and_a_winch_nothing(tmp_path: Path) -> None:
     assert ["reciprocates without rests, in " in m for m in proposals(tmp_path, sea)] == [True]
     assert proposals(tmp_path, sea, 'name = "buoy"\n[phases]\nfrom = "waves"\n') == []
     strokes = np.interp(
-        t % 20.0, (0.0, 3.0, 4.0, 8.0, 9.0, 12.0, 13.0, 17.0, 18.0, 20.0), (0, 0, 0.8, 0.8, 0, 0, -0.8, -0.8, 0, 0)
+        t % 20.0,
+        (0.0, 3.0, 4.0, 8.0, 9.0, 12.0, 13.0, 17.0, 18.0, 20.0),
+        (0, 0, 0.8, 0.8, 0, 0, -0.8, -0.8, 0, 0),
     )
-    assert proposals(tmp_path, {"Velocity (m/s)": strokes, "Force (N)": 2000.0 + 900.0 * strokes}) == []
+    assert (
+        proposals(tmp_path, {"Velocity (m/s)": strokes, "Force (N)": 2000.0 + 900.0 * strokes})
+        == []
+    )
     turning = {"Drum speed (rpm)": 60.0 * strokes, "Torque (N.m)": 90.0 * np.maximum(strokes, 0.0)}
     assert proposals(tmp_path, turning) == []
 
 
 def switched() -> dict[str, np.ndarray]:
-    """A dyno with drag whose load is switched at speed, with rests; its torque holds still where there is no load."""
+    """A dyno with drag whose load is switched at speed, with rests; its torque holds still where
+    there is no load.
+    """
     rng = np.random.default_rng(7)
     points = (
         (0.0, 0.0),
@@ -139,19 +169,30 @@ def switched() -> dict[str, np.ndarray]:
         volt + rng.normal(0.0, 0.02, rpm.size),
         amperes,
     )
-    return {name: np.round(x, 1 if name == "Torque (N.m)" else 3) for name, x in zip(CHANNELS, clean, strict=True)}
+    return {
+        name: np.round(x, 1 if name == "Torque (N.m)" else 3)
+        for name, x in zip(CHANNELS, clean, strict=True)
+    }
 
 
 def faults(quality: list[dict[str, Any]]) -> list[tuple[str, str]]:
     """Findings of samples that are lost, by kind and channel."""
-    return [(f["kind"], f["channel"]) for f in quality if f["kind"] in ("spike", "stuck", "dropped_samples")]
+    return [
+        (f["kind"], f["channel"])
+        for f in quality
+        if f["kind"] in ("spike", "stuck", "dropped_samples")
+    ]
 
 
 @pytest.mark.parametrize("noise", [True, False])
-def test_a_load_that_is_switched_at_speed_and_a_machine_at_rest_are_no_faults(noise: bool, tmp_path: Path) -> None:
+def test_a_load_that_is_switched_at_speed_and_a_machine_at_rest_are_no_faults(
+    noise: bool, tmp_path: Path
+) -> None:
     channels = switched()
     if not noise:
-        channels["Idc (A)"][channels["Idc (A)"] < 0.01] = 0.013  # zero error of a sensor that is read in coarse steps
+        channels["Idc (A)"][channels["Idc (A)"] < 0.01] = (
+            0.013  # zero error of a sensor that is read in coarse steps
+        )
     found, quality = reduced(tmp_path, channels)
     assert faults(quality) == []
     assert all(cycle["complete"] for cycle in found["cycles"])
@@ -161,7 +202,9 @@ def test_a_load_that_is_switched_at_speed_and_a_machine_at_rest_are_no_faults(no
 PUMP = 'name = "pump"\n[cascade]\nstages = ["mech", "hyd"]\n[phases]\nfrom = "steps"\n'
 
 
-def test_a_pressure_that_a_valve_sets_may_jump_and_one_that_the_torque_contradicts_may_not(tmp_path: Path) -> None:
+def test_a_pressure_that_a_valve_sets_may_jump_and_one_that_the_torque_contradicts_may_not(
+    tmp_path: Path,
+) -> None:
     rng = np.random.default_rng(3)
     bar = np.repeat((20.0, 160.0, 160.0, 5.0, 90.0), 200)
     speed = 1500.0 + rng.normal(0.0, 0.5, bar.size)
@@ -178,7 +221,9 @@ def test_a_pressure_that_a_valve_sets_may_jump_and_one_that_the_torque_contradic
 
 def test_a_saturated_power_at_the_terminals_is_reported(tmp_path: Path) -> None:
     channels = switched()
-    watts = channels.pop("Vdc (V)") * channels.pop("Idc (A)") + np.random.default_rng(4).normal(0.0, 3.0, 1600)
+    watts = channels.pop("Vdc (V)") * channels.pop("Idc (A)") + np.random.default_rng(4).normal(
+        0.0, 3.0, 1600
+    )
     channels["P_ac (W)"] = np.minimum(watts, 1800.0)
     rig = RIG.replace('"gen"', '"ac"') + '[columns]\npower_ac = "P_ac (W)"\n'
     found = [f["kind"] for f in reduced(tmp_path, channels, rig)[1] if f["channel"] == "power_ac"]

@@ -1,4 +1,6 @@
-"""Channels that are dead, stages of opposed powers, and the zero of the torque on a bench; sound logs have none of them."""
+"""Channels that are dead, stages of opposed powers, and the zero of the torque on a bench; sound
+logs have none of them.
+"""
 
 from __future__ import annotations
 
@@ -31,13 +33,16 @@ def dyno(*, motor: bool = False) -> dict[str, np.ndarray]:
     """Rests and operating points of 10 s with noise: a generator of 80 %, or a motor of 80 %."""
     rng = np.random.default_rng(12)
     rpm, torque = (
-        np.repeat(x, 200) for x in ((0.0, 200.0, 200.0, 0.0, 500.0, 500.0), (0.0, 30.0, 60.0, 0.0, 30.0, 60.0))
+        np.repeat(x, 200)
+        for x in ((0.0, 200.0, 200.0, 0.0, 500.0, 500.0), (0.0, 30.0, 60.0, 0.0, 30.0, 60.0))
     )
     volt = 40.0 + 0.5 * rpm
     amp = (1.25 if motor else 0.8) * torque * rpm * math.pi / 30.0 / volt
     return {
         name: x + rng.normal(0.0, u, x.size)
-        for name, x, u in zip(CHANNELS, (rpm, torque, volt, amp), (0.05, 0.1, 0.05, 0.01), strict=True)
+        for name, x, u in zip(
+            CHANNELS, (rpm, torque, volt, amp), (0.05, 0.1, 0.05, 0.01), strict=True
+        )
     }
 
 
@@ -62,14 +67,18 @@ def of_kind(found: list[dict[str, Any]], kind: str) -> list[str | None]:
     return [f["channel"] for f in found if f["kind"] == kind]
 
 
-# ------------------------------------------------------------------------------------------------------- dead channels
+# ---------------------------------------------------------------------------------- dead channels
 @pytest.mark.parametrize("name", CHANNELS)
-def test_a_channel_that_is_zero_throughout_while_its_stage_works_is_dead(tmp_path: Path, name: str) -> None:
+def test_a_channel_that_is_zero_throughout_while_its_stage_works_is_dead(
+    tmp_path: Path, name: str
+) -> None:
     channels = dyno() | {name: np.zeros(1200)}
     assert of_kind(quality(tmp_path, channels), "dead_channel") == [name.split()[0].lower()]
 
 
-def test_a_blocked_motor_an_idle_machine_and_an_open_circuit_have_no_dead_channel(tmp_path: Path) -> None:
+def test_a_blocked_motor_an_idle_machine_and_an_open_circuit_have_no_dead_channel(
+    tmp_path: Path,
+) -> None:
     blocked = dyno(motor=True) | {"Speed (rpm)": np.zeros(1200)}
     assert of_kind(quality(tmp_path, blocked, stages='"gen", "mech"'), "dead_channel") == []
     rest = {name: np.zeros(1200) for name in CHANNELS}
@@ -80,7 +89,9 @@ def test_a_blocked_motor_an_idle_machine_and_an_open_circuit_have_no_dead_channe
     assert of_kind(quality(tmp_path, idle, load="inf"), "dead_channel") == []
 
 
-@pytest.mark.parametrize("name", ["Force (N)", "Torque (N.m)", "Vdc (V)", "Idc (A)", "Velocity (m/s)"])
+@pytest.mark.parametrize(
+    "name", ["Force (N)", "Torque (N.m)", "Vdc (V)", "Idc (A)", "Velocity (m/s)"]
+)
 def test_a_dead_channel_of_a_winch_is_named_and_gives_no_metric(tmp_path: Path, name: str) -> None:
     with (CAMPAIGN / "r36ohm.csv").open(newline="") as file:
         head, *rows = csv.reader(file)
@@ -93,11 +104,16 @@ def test_a_dead_channel_of_a_winch_is_named_and_gives_no_metric(tmp_path: Path, 
     channel = name.split()[0].lower()
     assert [f.channel for f in found.quality if f.kind in ("dead_channel", "stuck")] == [channel]
     assert "stuck" not in {f.kind for f in found.quality}
-    lost = {"force": "energy_line", "torque": "energy_mech", "vdc": "energy_gen", "idc": "energy_gen"}.get(channel)
+    lost = {
+        "force": "energy_line",
+        "torque": "energy_mech",
+        "vdc": "energy_gen",
+        "idc": "energy_gen",
+    }.get(channel)
     assert lost is None or found.mean[lost] is None
 
 
-# ------------------------------------------------------------------------------------------------------ opposed powers
+# --------------------------------------------------------------------------------- opposed powers
 @pytest.mark.parametrize("source", ["whole", "steps"])
 def test_stages_whose_powers_anticorrelate_are_reported(tmp_path: Path, source: str) -> None:
     sound, channels = dyno(), dyno()
@@ -116,7 +132,10 @@ def test_a_steady_point_and_a_machine_that_swings_show_a_wrong_sign_too(tmp_path
         volt = np.full(t.size, 100.0) + rng.normal(0.0, 0.05, t.size)
         channels = dict(zip(CHANNELS, (rpm, torque, volt, watts / volt), strict=True))
         assert of_kind(quality(tmp_path, channels), "sign_mismatch") == []
-        assert len(of_kind(quality(tmp_path, channels | {"Idc (A)": -watts / volt}), "sign_mismatch")) == 1
+        assert (
+            len(of_kind(quality(tmp_path, channels | {"Idc (A)": -watts / volt}), "sign_mismatch"))
+            == 1
+        )
 
 
 def test_powers_that_are_noise_have_no_sign(tmp_path: Path) -> None:
@@ -126,7 +145,7 @@ def test_powers_that_are_noise_have_no_sign(tmp_path: Path) -> None:
         assert of_kind(quality(tmp_path, channels), "sign_mismatch") == []
 
 
-# ------------------------------------------------------------------------------------------------- zero of the torque
+# ----------------------------------------------------------------------------- zero of the torque
 @pytest.mark.parametrize("source", ["whole", "steps"])
 @pytest.mark.parametrize(("sensors", "zero", "found"), [
     ("", 0.0, []), ("", 5.0, ["torque"]), ("", -5.0, ["torque"]), ("", 1.0, []),

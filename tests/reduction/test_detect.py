@@ -19,7 +19,9 @@ Piece = tuple[float, float]
 
 
 def profile(*pieces: Piece) -> np.ndarray:
-    """Velocity that goes in straight lines: (seconds, speed at the end) one after the other, from rest."""
+    """Velocity that goes in straight lines: (seconds, speed at the end) one after the other,
+    from rest.
+    """
     ends = np.cumsum([0.0, *(seconds for seconds, _ in pieces)])
     speeds = [0.0, *(speed for _, speed in pieces)]
     return np.interp(np.arange(0.0, ends[-1], DT), ends, speeds)
@@ -51,7 +53,18 @@ JOG_BACK = tuple((seconds, -speed) for seconds, speed in JOG)
 
 
 STOP = ((2, 0.9), (4, 0.9), (0.5, 0), (3, 0), (1, 0.9), (5, 0.9), (1, 0), HOLD)
-BACK = ((2, 0.9), (4, 0.9), (0.5, 0), (0.3, -0.3), (1, -0.3), (0.3, 0), (1, 0.9), (5, 0.9), (1, 0), HOLD)
+BACK = (
+    (2, 0.9),
+    (4, 0.9),
+    (0.5, 0),
+    (0.3, -0.3),
+    (1, -0.3),
+    (0.3, 0),
+    (1, 0.9),
+    (5, 0.9),
+    (1, 0),
+    HOLD,
+)
 
 INSTANTS = {
     "a cycle": ((REST, *CYCLE), 5.07, 16.97, (21.02, 29.98)),
@@ -72,7 +85,9 @@ INSTANTS = {
 """Motion, onset and end of its payout, and its haul-in. [s]"""
 
 
-@pytest.mark.parametrize(("pieces", "onset", "payout_end", "haul_in"), INSTANTS.values(), ids=INSTANTS)
+@pytest.mark.parametrize(
+    ("pieces", "onset", "payout_end", "haul_in"), INSTANTS.values(), ids=INSTANTS
+)
 def test_a_cycle_is_found_with_its_instants(
     pieces: Sequence[Piece], onset: float, payout_end: float, haul_in: tuple[float, float] | None
 ) -> None:
@@ -85,8 +100,12 @@ def test_a_cycle_is_found_with_its_instants(
 
 @pytest.mark.parametrize("seed", range(3))
 def test_noise_about_the_threshold_starts_no_payout(seed: int) -> None:
-    (cycle,) = cycles_of((1.0, 0.028), (60.0, 0.028), (1.0, 0.0), REST, *CYCLE, noise=0.01, seed=seed)
-    assert cycle.onset == pytest.approx(62.0 + 5.0 + 0.07, abs=0.15)  # the noise is three times a sensor's
+    (cycle,) = cycles_of(
+        (1.0, 0.028), (60.0, 0.028), (1.0, 0.0), REST, *CYCLE, noise=0.01, seed=seed
+    )
+    assert cycle.onset == pytest.approx(
+        62.0 + 5.0 + 0.07, abs=0.15
+    )  # the noise is three times a sensor's
     assert cycles_of((60.0, 0.0), noise=0.004, seed=seed) == []
 
 
@@ -146,20 +165,28 @@ def test_a_log_that_begins_or_ends_in_a_payout_says_so(
 
 
 def without(v: np.ndarray, span: Piece, *, bridged: bool = False, displacement: bool = True) -> Run:
-    """A motion whose samples between two instants are missing, or bridged by a straight line of the velocity."""
+    """A motion whose samples between two instants are missing, or bridged by a straight line of
+    the velocity.
+    """
     whole = run_of(v)
     lost = (whole.t > span[0]) & (whole.t < span[1])
     gap = np.array([(whole.t[whole.t <= span[0]][-1], whole.t[whole.t >= span[1]][0])])
     if bridged:
         velocity = np.interp(whole.t, whole.t[~lost], v[~lost])
-        return msgspec.structs.replace(whole, channels={**whole.channels, "velocity": velocity}, gaps={"velocity": gap})
-    channels = {name: x[~lost] for name, x in whole.channels.items() if displacement or name == "velocity"}
+        return msgspec.structs.replace(
+            whole, channels={**whole.channels, "velocity": velocity}, gaps={"velocity": gap}
+        )
+    channels = {
+        name: x[~lost] for name, x in whole.channels.items() if displacement or name == "velocity"
+    }
     return Run("made", whole.t[~lost], channels, 1 / DT, v.size, gaps={CLOCK: gap})
 
 
 @pytest.mark.parametrize("bridged", [False, True])
 def test_a_gap_over_a_haul_in_from_plateau_to_plateau_parts_two_payouts(bridged: bool) -> None:
-    """A straight line over the gap would go on paying out; the displacement shows that the line went back."""
+    """A straight line over the gap would go on paying out; the displacement shows that the line
+    went back.
+    """
     longer = ((2.0, 0.9), (20.0, 0.9), (1.0, 0.0), HOLD)
     first, second = found_in(without(profile(REST, *CYCLE, *longer), (14.0, 38.0), bridged=bridged))
     assert (first.onset, second.payout_end) == pytest.approx((5.07, 35.0 + 23.0 - 0.03), abs=EARLY)

@@ -1,4 +1,6 @@
-"""The measured logs that ship, reduced with the rig files beside them and compared with sums that need no winchcascade."""
+"""The measured logs that ship, reduced with the rig files beside them and compared with sums
+that need no winchcascade.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,9 @@ def test_what_battery_and_load_dump_of_the_buoy_take_is_0_648_of_what_the_rod_gi
     assert charged / line == pytest.approx(0.371, abs=5e-4)
     part = (t >= 100.0) & (t <= 200.0)
     line, dc = np.trapezoid([rod[part], (volts * (battery + dump))[part]], t[part])
-    assert dc / line == pytest.approx(0.663, abs=5e-4)  # a part of the record has another efficiency
+    assert dc / line == pytest.approx(
+        0.663, abs=5e-4
+    )  # a part of the record has another efficiency
 
 
 def test_the_energy_of_the_turbine_is_that_of_the_power_that_its_stand_logs() -> None:
@@ -69,7 +73,9 @@ def test_each_step_of_the_dynamometer_has_the_energy_of_its_samples() -> None:
 
 def test_two_heads_of_the_table_of_the_spindle_are_exchanged() -> None:
     found = audit(FOLDER / "spindle" / "spindle.toml")
-    assert [(fault.kind, set(fault.columns)) for fault in found.faults] == [("swapped", {"power_mech", "power_factor"})]
+    assert [(fault.kind, set(fault.columns)) for fault in found.faults] == [
+        ("swapped", {"power_mech", "power_factor"})
+    ]
     assert not found.contradictions
 
 
@@ -81,6 +87,8 @@ def test_a_shipped_log_is_stated_as_measured_and_its_rig_file_is_short(log: Path
     assert len(Path(found.rig.path).read_text(encoding="utf-8").splitlines()) <= 20
 
 
-@pytest.mark.parametrize("licence", ["mbari/LICENSE", "turbine/LICENSE", "spindle/LICENSE", "LICENSE-vdyno.txt"])
+@pytest.mark.parametrize(
+    "licence", ["mbari/LICENSE", "turbine/LICENSE", "spindle/LICENSE", "LICENSE-vdyno.txt"]
+)
 def test_a_measured_log_has_its_licence_beside_it(licence: str) -> None:
     assert (FOLDER / licence).read_text(encoding="utf-8").split()[0] in ("Apache", "MIT")

@@ -1,4 +1,6 @@
-"""Whole cycles: what a payout takes and a haul-in returns, the net energy from onset to onset, and when there is none."""
+"""Whole cycles: what a payout takes and a haul-in returns, the net energy from onset to onset,
+and when there is none.
+"""
 
 import json
 import math
@@ -23,10 +25,14 @@ LOG = read_run(Path(__file__).parents[2] / "fixtures" / "campaign" / "r36ohm.csv
 WHOLE = reduce(LOG, window=5.48)
 
 ZERO = 3 * 2.0
-"""The zero of the force of these logs is drawn with 2 N; times the travel it is in the energies of payout and haul-in. [N]"""
+"""The zero of the force of these logs is drawn with 2 N; times the travel it is in the energies
+of payout and haul-in. [N]
+"""
 
 NOISE = 0.003
-"""Share by which the net energies may differ from those of the exact motion; the zero cancels in them."""
+"""Share by which the net energies may differ from those of the exact motion; the zero cancels in
+them.
+"""
 
 
 def net(metrics: Metrics) -> list[float | None]:
@@ -87,7 +93,9 @@ def test_a_log_that_ends_early_leaves_its_last_cycle_without_net_energies() -> N
         (haul_in[1] + 2.0, None),
     ):
         n = int(np.searchsorted(LOG.t, end))
-        cut = replace(LOG, t=LOG.t[:n], channels={name: x[:n] for name, x in LOG.channels.items()}, samples=n)
+        cut = replace(
+            LOG, t=LOG.t[:n], channels={name: x[:n] for name, x in LOG.channels.items()}, samples=n
+        )
         found = reduce(cut, window=5.48)
         assert reasons(found) == [None, None, reason]
         assert net(found.cycles[-1].metrics).count(None) == (0 if reason is None else 5)
@@ -95,14 +103,18 @@ def test_a_log_that_ends_early_leaves_its_last_cycle_without_net_energies() -> N
         assert found.mean.eta_net == pytest.approx(sum(two) / len(two))
         record = json.loads(reduction_json(found))
         assert [c["net_span"]["reason"] for c in record["cycles"]] == reasons(found)
-        assert None not in [record["standard_uncertainty"][field] for field in named({}, NET_METRICS)]
+        assert None not in [
+            record["standard_uncertainty"][field] for field in named({}, NET_METRICS)
+        ]
 
 
 @pytest.mark.parametrize(("share", "whole"), [(0.007, True), (0.013, False)])
 def test_a_line_that_ends_elsewhere_has_no_net_energy(share: float, whole: bool) -> None:
     first = WHOLE.cycles[0]
     ramp = np.clip((LOG.t - first.net.begin) / (first.net.end - first.net.begin), 0.0, 1.0)
-    drift = (share * (first.summary.payout.travel or math.nan) - (first.net.travel or math.nan)) * ramp
+    drift = (
+        share * (first.summary.payout.travel or math.nan) - (first.net.travel or math.nan)
+    ) * ramp
     found = reduce(changed(displacement=LOG.channels["displacement"] + drift))
     assert [reason is None for reason in reasons(found)] == [whole, True, True]
 
@@ -111,7 +123,8 @@ def test_a_gap_outside_the_window_counts_for_the_cycle_alone() -> None:
     c = WHOLE.cycles[0]
     middle = 0.5 * (c.window.cutoff + c.phases.payout_end)
     long, short = (
-        reduce(replace(LOG, gaps={"force": np.array([[middle, middle + x]])}), window=5.48) for x in (1.5, 0.12)
+        reduce(replace(LOG, gaps={"force": np.array([[middle, middle + x]])}), window=5.48)
+        for x in (1.5, 0.12)
     )
     assert long.cycles[0].complete
     assert reasons(long) == ["a gap of 1.50 s lies in the cycle (E_payout)", None, None]
@@ -121,7 +134,9 @@ def test_a_gap_outside_the_window_counts_for_the_cycle_alone() -> None:
 
 
 def test_the_budget_of_a_net_energy_is_what_a_shifted_sensor_changes() -> None:
-    """Shift each sensor by its standard uncertainty and reduce again: what changes is the row of the budget."""
+    """Shift each sensor by its standard uncertainty and reduce again: what changes is the row of
+    the budget.
+    """
     for row in budget(replace(WHOLE, relations=())).rows:
         source = row.source
         assert source is not None
@@ -146,7 +161,12 @@ def test_the_budget_of_a_net_energy_is_what_a_shifted_sensor_changes() -> None:
 def test_a_cycle_has_a_net_efficiency_where_line_and_generator_give_energy(
     net_energy: float | None, gen: float, eta: float | None, has_reason: bool
 ) -> None:
-    joules: dict[str, float | None] = {"payout": 10e3, "returned": 2e3, "net": net_energy, "gen_cycle": gen}
+    joules: dict[str, float | None] = {
+        "payout": 10e3,
+        "returned": 2e3,
+        "net": net_energy,
+        "gen_cycle": gen,
+    }
     values, span = net_metrics(joules, NetSpan(0.0, 60.0))
     assert (values.get("eta_net"), span.reason is not None) == (eta, has_reason)
 

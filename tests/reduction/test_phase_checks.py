@@ -84,9 +84,18 @@ def drifting(name: str, over: float) -> Maker:
 LAGS = [
     (late(s, c), ("channel_lag", c if s > 0 else other))
     for s in (-2.0, -0.12, 0.12, 0.6)
-    for c, other in (("velocity", "displacement"), ("idc", "vdc"), ("vdc", "idc"), ("force", "torque"))
+    for c, other in (
+        ("velocity", "displacement"),
+        ("idc", "vdc"),
+        ("vdc", "idc"),
+        ("force", "torque"),
+    )
 ]
-STEPS = [(gained(c, g), ("gain_step", None)) for c in ("force", "torque", "vdc", "idc") for g in (-0.04, 0.06)]
+STEPS = [
+    (gained(c, g), ("gain_step", None))
+    for c in ("force", "torque", "vdc", "idc")
+    for g in (-0.04, 0.06)
+]
 ZEROS = [
     *((added(c, s * u), ("zero_offset", c)) for c, u in (("torque", 3.6), ("idc", 0.06), ("vdc", 0.6)) for s in (-1, 1)),
     *((added("force", s * 250.0), ("zero_offset", "force")) for s in (-1, 1)),
@@ -102,7 +111,10 @@ TOGETHER = [
     for s in (-0.6, -0.2, 0.2, 0.6)
     for names in (("vdc", "idc"), ("torque", "force"))
 ]
-UNDER_LOAD = [(added("idc", 0.2, 0.1), ("gain_step", None)), (added("torque", 15.0, 0.4), ("gain_step", None))]
+UNDER_LOAD = [
+    (added("idc", 0.2, 0.1), ("gain_step", None)),
+    (added("torque", 15.0, 0.4), ("gain_step", None)),
+]
 
 
 @pytest.mark.parametrize("name", list(LOGS))
@@ -111,9 +123,13 @@ def test_a_log_without_a_fault_has_no_finding(name: str) -> None:
     assert kinds(reduce(clean(name), window="payout")) == []
 
 
-@pytest.mark.parametrize(("maker", "expected"), [*LAGS, *TOGETHER, *STEPS, *ZEROS, *SLOW, *COARSE, *UNDER_LOAD])
+@pytest.mark.parametrize(
+    ("maker", "expected"), [*LAGS, *TOGETHER, *STEPS, *ZEROS, *SLOW, *COARSE, *UNDER_LOAD]
+)
 @pytest.mark.parametrize("name", ["r45ohm", "r18ohm"])
-def test_a_fault_is_found_with_its_kind_and_channel(name: str, maker: Maker, expected: tuple[str, str | None]) -> None:
+def test_a_fault_is_found_with_its_kind_and_channel(
+    name: str, maker: Maker, expected: tuple[str, str | None]
+) -> None:
     found = kinds(of(name, changed(clean(name), **maker(clean(name)))))
     assert expected in found or (expected[1] is None and expected[0] in dict(found)), found
 
@@ -127,8 +143,10 @@ def test_less_than_physics_accuracy_and_noise_allow_is_no_fault(maker: Maker) ->
     assert kinds(of("r45ohm", changed(clean(), **maker(clean())))) == []
 
 
-# ------------------------------------------------------------------------------------------------ load
-@pytest.mark.parametrize(("name", "load"), [(n, x) for n, (x, _) in LOGS.items() if math.isfinite(x)])
+# ------------------------------------------------------------------------------------------- load
+@pytest.mark.parametrize(
+    ("name", "load"), [(n, x) for n, (x, _) in LOGS.items() if math.isfinite(x)]
+)
 def test_the_measured_load_is_that_of_the_log_and_questions_a_stated_one_from_five_standard_uncertainties(
     name: str, load: float
 ) -> None:
@@ -146,9 +164,16 @@ def test_the_measured_load_is_that_of_the_log_and_questions_a_stated_one_from_fi
 
 @pytest.mark.parametrize(
     ("name", "load", "found"),
-    [("r45ohm", math.inf, True), ("open_circuit", None, True), ("r45ohm", None, False), ("r45ohm", 45.2, False)],
+    [
+        ("r45ohm", math.inf, True),
+        ("open_circuit", None, True),
+        ("r45ohm", None, False),
+        ("r45ohm", 45.2, False),
+    ],
 )
-def test_an_open_circuit_and_a_load_are_distinguished(name: str, load: float | None, found: bool) -> None:
+def test_an_open_circuit_and_a_load_are_distinguished(
+    name: str, load: float | None, found: bool
+) -> None:
     assert ("load_mismatch" in dict(kinds(reduce(replace(clean(name), load=load))))) is found
 
 
@@ -159,7 +184,7 @@ def test_an_idc_computed_from_an_assumed_load_is_found_by_its_noise(factor: floa
     assert one(of("r45ohm", run), "load_mismatch").channel == "idc"
 
 
-# ------------------------------------------------------------------------------------------------ zeros
+# ------------------------------------------------------------------------------------------ zeros
 def test_a_zero_that_steps_within_the_last_payout_is_reported_with_its_hold() -> None:
     last = of("r45ohm", clean()).cycles[-1].phases
     run = changed(clean(), torque=clean().channels["torque"] + 4.0 * (clean().t > last.onset + 2.0))
@@ -176,7 +201,7 @@ def test_without_pressure_the_gas_law_and_the_displacement_give_the_force() -> N
         assert kinds(of("r45ohm", run)) == found
 
 
-# ------------------------------------------------------------------------------------------------ cycles
+# ----------------------------------------------------------------------------------------- cycles
 def test_a_cycle_that_was_pasted_again_is_reported_as_a_copy() -> None:
     first = of("r45ohm", clean()).cycles[0].phases
     assert first.haul_in is not None
@@ -201,7 +226,10 @@ def strokes(folder: Path, *travels: float, stop: float = 0.0) -> Run:
     rate = np.interp(t, onset + np.array([-0.5, 0.0, stop, stop + 0.5]), (1.0, 0.0, 0.0, 1.0))
     before = np.cumsum(rate) * 0.04
     moving = {"velocity", "torque", "vdc", "idc"}
-    channels = {n: np.interp(before, run.t, x) * (rate if n in moving else 1.0) for n, x in run.channels.items()}
+    channels = {
+        n: np.interp(before, run.t, x) * (rate if n in moving else 1.0)
+        for n, x in run.channels.items()
+    }
     return replace(run, t=t, channels=channels, samples=t.size)
 
 
@@ -218,7 +246,7 @@ def test_strokes_that_differ_are_reported_with_their_place(
     assert places == ([] if odd is None else [pytest.approx(found.cycles[odd].window.onset)])
 
 
-# ------------------------------------------------------------------------------------------------ windows and sampling
+# --------------------------------------------------------------------------- windows and sampling
 def test_a_window_longer_than_most_payouts_is_rejected_with_the_longest_that_fits() -> None:
     with pytest.raises(OptionError, match=r"30 s.*at most 13\.4\d s"):
         reduce(clean(), window=30.0)
@@ -229,30 +257,53 @@ def test_a_window_longer_than_most_payouts_is_rejected_with_the_longest_that_fit
 def test_coarse_sampling_is_reported_where_the_mean_energies_err_and_nowhere_else(
     tmp_path: Path, window: float | str
 ) -> None:
-    write_csv(make_log(Scenario(rate=100.0, noise=0.0), np.random.default_rng(1)), tmp_path / "log.csv")
+    write_csv(
+        make_log(Scenario(rate=100.0, noise=0.0), np.random.default_rng(1)), tmp_path / "log.csv"
+    )
     whole = read_run(tmp_path / "log.csv", load=36.0)
     true = reduce(whole, window=window)
     for step, first in ((1, 0), (4, 3), (10, 3), (20, 19), (50, 16), (100, 0), (100, 33)):
         channels = {n: x[first::step] for n, x in whole.channels.items()}
-        found = reduce(replace(whole, t=whole.t[first::step], channels=channels, fs=100.0 / step), window=window)
-        error = max(abs(found.mean.value(m) / true.mean.value(m) - 1.0) for m in ("energy_line", "energy_gen"))
+        found = reduce(
+            replace(whole, t=whole.t[first::step], channels=channels, fs=100.0 / step),
+            window=window,
+        )
+        error = max(
+            abs(found.mean.value(m) / true.mean.value(m) - 1.0)
+            for m in ("energy_line", "energy_gen")
+        )
         reported = "coarse_sampling" in dict(kinds(found))
         assert reported or error < 0.01, (step, first, error)
         assert not reported or error > 0.001, (step, first, error)
 
 
 def test_coarse_sampling_counts_in_the_uncertainty(tmp_path: Path) -> None:
-    write_csv(make_log(Scenario(rate=2.0, noise=0.0), np.random.default_rng(1)), tmp_path / "log.csv")
+    write_csv(
+        make_log(Scenario(rate=2.0, noise=0.0), np.random.default_rng(1)), tmp_path / "log.csv"
+    )
     found = uncertainty(reduce(read_run(tmp_path / "log.csv", load=36.0), window=5.0))
-    assert [r.source.channel for r in found.budget.rows if r.source is not None].count(SAMPLING) == 1
+    assert [r.source.channel for r in found.budget.rows if r.source is not None].count(
+        SAMPLING
+    ) == 1
 
 
 def test_in_open_circuit_only_the_channels_of_eta_trans_count() -> None:
-    for maker, found in ((stepped("vdc", 10.0), []), (stepped("force", 50.0), [("coarse_resolution", "force")])):
-        assert kinds(of("open_circuit", changed(clean("open_circuit"), **maker(clean("open_circuit"))))) == found
+    for maker, found in (
+        (stepped("vdc", 10.0), []),
+        (stepped("force", 50.0), [("coarse_resolution", "force")]),
+    ):
+        assert (
+            kinds(
+                of("open_circuit", changed(clean("open_circuit"), **maker(clean("open_circuit"))))
+            )
+            == found
+        )
 
 
 @pytest.mark.parametrize("every", [2, 7])
 def test_the_interval_of_a_slow_channel_is_that_of_its_updates(every: int) -> None:
-    assert update_interval(np.repeat(np.cumsum(np.where(np.arange(40) % 2, 1.0, -0.6)), every)) == every
+    assert (
+        update_interval(np.repeat(np.cumsum(np.where(np.arange(40) % 2, 1.0, -0.6)), every))
+        == every
+    )
     assert update_interval(np.random.default_rng(1).normal(size=300)) == 1

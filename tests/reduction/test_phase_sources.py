@@ -27,7 +27,9 @@ def rig_of(more: str) -> Rig:
 
 
 def write(folder: Path, columns: dict[str, Signal | list[str]]) -> Path:
-    rows = zip(*(map(str, x if isinstance(x, list) else x.tolist()) for x in columns.values()), strict=True)
+    rows = zip(
+        *(map(str, x if isinstance(x, list) else x.tolist()) for x in columns.values()), strict=True
+    )
     path = folder / "log.csv"
     path.write_text("\n".join([",".join(columns), *map(",".join, rows)]) + "\n")
     return path
@@ -59,23 +61,40 @@ def message(folder: Path, rig: str, columns: dict[str, Signal | list[str]]) -> s
     return str(caught.value)
 
 
-# ------------------------------------------------------------------------------------------------------------- waves
+# ------------------------------------------------------------------------------------------ waves
 def test_the_energy_of_each_wave_is_that_between_its_zero_crossings(tmp_path: Path) -> None:
     omega, tau = 3.0 * np.sin(2.0 * np.pi * T / 8.0), 20.0 * np.sin(2.0 * np.pi * T / 8.0)
-    found = reduced(tmp_path, '[phases]\nfrom = "waves"\n', {"t (s)": T, "n (rad/s)": omega, "Torque (N.m)": tau})
+    found = reduced(
+        tmp_path,
+        '[phases]\nfrom = "waves"\n',
+        {"t (s)": T, "n (rad/s)": omega, "Torque (N.m)": tau},
+    )
     assert [c.phases.onset for c in found.cycles] == pytest.approx([0.0, 8.0, 16.0, 24.0], abs=2e-3)
-    assert [c.window.cutoff - c.window.onset for c in found.cycles] == pytest.approx([8.0] * 4, abs=4e-3)
-    assert [c.metrics.energy_mech for c in found.cycles] == pytest.approx([60.0 / 2.0 * 8.0] * 4, rel=1e-3)
+    assert [c.window.cutoff - c.window.onset for c in found.cycles] == pytest.approx(
+        [8.0] * 4, abs=4e-3
+    )
+    assert [c.metrics.energy_mech for c in found.cycles] == pytest.approx(
+        [60.0 / 2.0 * 8.0] * 4, rel=1e-3
+    )
     assert all(c.phases.haul_in is not None and c.complete for c in found.cycles)
 
 
-# ------------------------------------------------------------------------------------------------------------- steps
+# ------------------------------------------------------------------------------------------ steps
 def test_steps_are_the_steady_stretches_without_their_settling(tmp_path: Path) -> None:
     omega = stairs([0.0, 50.0, 100.0, -80.0, 0.0])
-    t, torque = stamps(omega), 0.1 * omega + 0.5 * np.random.default_rng(1).standard_normal(omega.size)
-    found = reduced(tmp_path, '[phases]\nfrom = "steps"\n', {"t (s)": t, "n (rad/s)": omega, "Torque (N.m)": torque})
+    t, torque = (
+        stamps(omega),
+        0.1 * omega + 0.5 * np.random.default_rng(1).standard_normal(omega.size),
+    )
+    found = reduced(
+        tmp_path,
+        '[phases]\nfrom = "steps"\n',
+        {"t (s)": t, "n (rad/s)": omega, "Torque (N.m)": torque},
+    )
     assert len(found.cycles) == 3
-    for cycle, (begin, level) in zip(found.cycles, [(8.0, 50.0), (16.0, 100.0), (24.0, -80.0)], strict=True):
+    for cycle, (begin, level) in zip(
+        found.cycles, [(8.0, 50.0), (16.0, 100.0), (24.0, -80.0)], strict=True
+    ):
         assert begin + 0.5 < cycle.window.onset < begin + 1.6
         assert begin + 7.5 < cycle.window.cutoff <= begin + 8.0
         point = cycle.summary.point
@@ -86,20 +105,30 @@ def test_steps_are_the_steady_stretches_without_their_settling(tmp_path: Path) -
         assert cycle.metrics.energy_mech == pytest.approx(script, rel=1e-6)
 
 
-# --------------------------------------------------------------------------------------------- rows, ranges and whole
+# ------------------------------------------------------------------------- rows, ranges and whole
 def test_each_row_of_step_means_is_one_cycle_whatever_its_stamp(tmp_path: Path) -> None:
     speed, torque = np.arange(1000.0, 1012.0), np.linspace(1.0, 2.0, 12)
     t = np.array([3.0, 1.0, 7.0, 2.0, 9.0, 4.0, 11.0, 5.0, 6.0, 0.5, 8.0, 10.0])
-    found = reduced(tmp_path, '[phases]\nfrom = "rows"\n', {"t (s)": t, "n (rpm)": speed, "Torque (N.m)": torque})
+    found = reduced(
+        tmp_path,
+        '[phases]\nfrom = "rows"\n',
+        {"t (s)": t, "n (rpm)": speed, "Torque (N.m)": torque},
+    )
     power = [c.metrics.power_mech for c in found.cycles]
     assert power == pytest.approx((speed / RPM * torque).tolist(), rel=EXACT)
     assert [c.complete for c in found.cycles] == [True] * 12
 
 
 @pytest.mark.parametrize("gap", [0.0, 300.0])
-def test_the_whole_record_is_one_window_unless_a_gap_of_minutes_cuts_it(gap: float, tmp_path: Path) -> None:
+def test_the_whole_record_is_one_window_unless_a_gap_of_minutes_cuts_it(
+    gap: float, tmp_path: Path
+) -> None:
     t, omega = np.where(T < 20.0, T, T + gap), np.linspace(0.0, 10.0, T.size)
-    found = reduced(tmp_path, '[phases]\nfrom = "whole"\n', {"t (s)": t, "n (rad/s)": omega, "Torque (N.m)": omega})
+    found = reduced(
+        tmp_path,
+        '[phases]\nfrom = "whole"\n',
+        {"t (s)": t, "n (rad/s)": omega, "Torque (N.m)": omega},
+    )
     parts = [slice(None)] if gap == 0.0 else [slice(0, T.size // 2), slice(T.size // 2, None)]
     true = [float(np.trapezoid(omega[part] ** 2, t[part])) for part in parts]
     assert [c.metrics.energy_mech for c in found.cycles] == pytest.approx(true, rel=1e-6)
@@ -109,8 +138,12 @@ def test_the_whole_record_is_one_window_unless_a_gap_of_minutes_cuts_it(gap: flo
 
 def test_cycles_by_ranges_of_time(tmp_path: Path) -> None:
     columns: dict[str, Signal | list[str]] = {"t (s)": T, "n (rad/s)": T, "Torque (N.m)": T}
-    found = reduced(tmp_path, '[phases]\nfrom = "ranges"\nranges_s = [[2.0, 5.0], [10, 20]]\n', columns)
-    assert [c.metrics.energy_mech for c in found.cycles] == pytest.approx([39.0, 7000.0 / 3.0], rel=1e-5)
+    found = reduced(
+        tmp_path, '[phases]\nfrom = "ranges"\nranges_s = [[2.0, 5.0], [10, 20]]\n', columns
+    )
+    assert [c.metrics.energy_mech for c in found.cycles] == pytest.approx(
+        [39.0, 7000.0 / 3.0], rel=1e-5
+    )
     for ranges, words in (
         ("[[30, 50]]", "30 to 50 s"),
         ("[[4, 8], [2, 5]]", "2 to 5 s, 4 to 8 s"),
@@ -118,11 +151,20 @@ def test_cycles_by_ranges_of_time(tmp_path: Path) -> None:
     ):
         with pytest.raises(OptionError, match=words):
             reduced(tmp_path, f'[phases]\nfrom = "ranges"\nranges_s = {ranges}\n', columns)
-    assert len(reduced(tmp_path, '[phases]\nfrom = "ranges"\nranges_s = [[5, 8], [2, 5]]\n', columns).cycles) == 2
+    assert (
+        len(
+            reduced(
+                tmp_path, '[phases]\nfrom = "ranges"\nranges_s = [[5, 8], [2, 5]]\n', columns
+            ).cycles
+        )
+        == 2
+    )
 
 
-# ------------------------------------------------------------------------------------------------------------ labels
-LABELS = ["rest"] * 500 + ["RO"] * 500 + ["rest"] * 200 + ["ri-1"] * 400 + ["RO"] * 300 + ["rest"] * 100
+# ----------------------------------------------------------------------------------------- labels
+LABELS = (
+    ["rest"] * 500 + ["RO"] * 500 + ["rest"] * 200 + ["ri-1"] * 400 + ["RO"] * 300 + ["rest"] * 100
+)
 
 
 @pytest.mark.parametrize("number", [False, True], ids=["texts", "numbers"])
@@ -130,8 +172,12 @@ def test_a_column_of_labels_gives_payout_hold_and_haul_in(number: bool, tmp_path
     codes = {"rest": "0", "RO": "1", "ri-1": "2"}
     values = [codes[label] for label in LABELS] if number else LABELS
     payout, haul_in = ("1", "2") if number else ('"ro "', '"ri-1"')
-    rig = f'[phases]\nfrom = "column"\ncolumn = "phase"\npayout = [{payout}]\nhaul_in = [{haul_in}]\n'
-    found = reduced(tmp_path, rig, {"t (s)": T, "Velocity (m/s)": T, "Force (N)": T, "phase": values})
+    rig = (
+        f'[phases]\nfrom = "column"\ncolumn = "phase"\npayout = [{payout}]\nhaul_in = [{haul_in}]\n'
+    )
+    found = reduced(
+        tmp_path, rig, {"t (s)": T, "Velocity (m/s)": T, "Force (N)": T, "phase": values}
+    )
     first, second = (c.phases for c in found.cycles)
     assert (first.onset, first.payout_end) == pytest.approx((10.0, 20.0))
     assert first.haul_in == pytest.approx((24.0, 32.0))
@@ -143,22 +189,32 @@ def test_a_column_of_labels_gives_payout_hold_and_haul_in(number: bool, tmp_path
     ("entry", "words"),
     [
         ('column = "stage"\npayout = ["RO"]', "no column 'stage', which [phases] of the rig names"),
-        ('column = "phase"\npayout = ["out"]', "has a value of payout, ['out']; it holds 'RO', 'rest', 'ri-1'"),
+        (
+            'column = "phase"\npayout = ["out"]',
+            "has a value of payout, ['out']; it holds 'RO', 'rest', 'ri-1'",
+        ),
     ],
 )
 def test_a_wrong_column_of_labels_is_one_sentence(entry: str, words: str, tmp_path: Path) -> None:
-    columns: dict[str, Signal | list[str]] = {"t (s)": T, "Velocity (m/s)": T, "Force (N)": T, "phase": LABELS}
+    columns: dict[str, Signal | list[str]] = {
+        "t (s)": T,
+        "Velocity (m/s)": T,
+        "Force (N)": T,
+        "phase": LABELS,
+    }
     with pytest.raises(LogError) as caught:
         reduced(tmp_path, f'[phases]\nfrom = "column"\n{entry}\n', columns)
     assert words in str(caught.value)
 
 
-# ------------------------------------------------------------------------------------------------ motions and faults
+# ----------------------------------------------------------------------------- motions and faults
 def test_payouts_by_the_speed_of_a_shaft_without_a_drum(tmp_path: Path) -> None:
     omega = stairs([0.0, 50.0, 0.0, -50.0, 0.0])
     t = stamps(omega)
     found = reduced(
-        tmp_path, '[phases]\nfrom = "speed"\n', {"t (s)": t, "n (rad/s)": omega, "Torque (N.m)": 0.1 * omega}
+        tmp_path,
+        '[phases]\nfrom = "speed"\n',
+        {"t (s)": t, "n (rad/s)": omega, "Torque (N.m)": 0.1 * omega},
     )
     (cycle,) = found.cycles
     assert cycle.phases.onset == pytest.approx(8.0, abs=0.3)
@@ -192,7 +248,10 @@ def test_a_window_belongs_to_payouts_in_a_motion(tmp_path: Path) -> None:
         ({"Vdc (V)": 48.0 + 0.001 * T, "Idc (A)": T}, "whole"),
         ({"n (rad/s)": 5.0 * np.sin(T)}, "waves"),
         ({"n (rad/s)": stairs([20.0, 40.0, 60.0], 13.34)[: T.size]}, "steps"),
-        ({"n (rad/s)": T, **{f"Remark {k}": T for k in range(20)}, "Mode": ["1"] * T.size}, "column"),
+        (
+            {"n (rad/s)": T, **{f"Remark {k}": T for k in range(20)}, "Mode": ["1"] * T.size},
+            "column",
+        ),
         ({"n (rad/s)": T, "Status_RPM_V1": T}, "whole"),
         ({"n (rad/s)": 20.0 + 20.5 * np.sin(T)}, "whole"),
     ],
@@ -213,5 +272,9 @@ def test_rows_out_of_order_or_without_clock_are_proposed_as_step_means(tmp_path:
 
 @pytest.mark.parametrize("source", ["speed", "displacement", "waves", "steps"])
 def test_a_source_that_the_log_lacks_is_named(source: str, tmp_path: Path) -> None:
-    with pytest.raises(LogError, match=r"\[phases\] of the rig finds cycles in .*, which the log has not"):
-        reduced(tmp_path, f'[phases]\nfrom = "{source}"\n', {"t (s)": T, "Vdc (V)": T, "Idc (A)": T})
+    with pytest.raises(
+        LogError, match=r"\[phases\] of the rig finds cycles in .*, which the log has not"
+    ):
+        reduced(
+            tmp_path, f'[phases]\nfrom = "{source}"\n', {"t (s)": T, "Vdc (V)": T, "Idc (A)": T}
+        )

@@ -39,21 +39,31 @@ def test_a_rebuilt_log_reduces_to_the_published_row(fixtures: Path, load: float)
     reduction = reduce(read_run(run.file, load=run.load), window=run.window)
     m, row = reduction.mean, TABLE_2[load]
     assert (len(reduction.complete), reduction.quality) == (3, ())
-    assert (m.energy_line, m.energy_mech, m.energy_gen) == pytest.approx(row[:3], rel=REBUILT_ENERGY)
+    assert (m.energy_line, m.energy_mech, m.energy_gen) == pytest.approx(
+        row[:3], rel=REBUILT_ENERGY
+    )
     assert (m.eta_trans, m.eta_gen, m.eta_pto) == pytest.approx(row[3:], abs=REBUILT_ETA)
 
 
 FIXED_ENERGY, FIXED_ETA = 0.007, 0.003
 AUTO_ONSET, AUTO_CUTOFF, AUTO_ENERGY, AUTO_ETA = 0.05, 0.15, 0.03, 0.004
-"""What a reduction of a log with sensor noise must reach against the noise-free truth, means over the cycles."""
+"""What a reduction of a log with sensor noise must reach against the noise-free truth, means
+over the cycles.
+"""
 
 FLAT_ONSET = {"slow_ramp", "everything"}
-"""A ramp so slow that noise of 4 mm/s moves the onset, and with it a window of fixed length, by more than that allows."""
+"""A ramp so slow that noise of 4 mm/s moves the onset, and with it a window of fixed length, by
+more than that allows.
+"""
 
 ILL_CONDITIONED = {"lag_ramp", "open_circuit"}
-"""A speed that creeps through 98 % of its plateau for a second; an open circuit, whose torque is as small as its zero."""
+"""A speed that creeps through 98 % of its plateau for a second; an open circuit, whose torque is
+as small as its zero.
+"""
 
-KNOWN = sorted(set(SCENARIOS) - ILL_CONDITIONED - {"aborted_payout", "steep_linear", "noisy", "ten_hertz"})
+KNOWN = sorted(
+    set(SCENARIOS) - ILL_CONDITIONED - {"aborted_payout", "steep_linear", "noisy", "ten_hertz"}
+)
 
 
 @cache
@@ -86,9 +96,13 @@ def test_a_reduction_meets_the_truth(name: str, rule: str | float) -> None:
             assert reduction.mean[metric] == pytest.approx(expected, abs=eta), metric
         elif metric.startswith("energy"):
             assert reduction.mean[metric] == pytest.approx(expected, rel=energy), metric
-    for cycle, expected in zip(reduction.complete, (c for c in true.cycles if c.complete), strict=True):
+    for cycle, expected in zip(
+        reduction.complete, (c for c in true.cycles if c.complete), strict=True
+    ):
         assert rule != "auto" or cycle.window.onset == pytest.approx(expected.onset, abs=AUTO_ONSET)
-        assert rule != "auto" or cycle.window.cutoff == pytest.approx(expected.cutoff, abs=AUTO_CUTOFF)
+        assert rule != "auto" or cycle.window.cutoff == pytest.approx(
+            expected.cutoff, abs=AUTO_CUTOFF
+        )
         assert cycle.phases.payout_end == pytest.approx(expected.payout[1], abs=AUTO_ONSET)
         assert (cycle.phases.haul_in is None) == (expected.haul_in is None)
 
@@ -96,7 +110,9 @@ def test_a_reduction_meets_the_truth(name: str, rule: str | float) -> None:
 def test_without_noise_the_truth_is_met_exactly() -> None:
     reduction, true = made("exact", "auto")
     for metric in ("energy_line", "energy_mech", "energy_gen"):
-        assert reduction.mean[metric] == pytest.approx(true.mean[FIELDS[metric]], rel=5e-4)  # 25 samples a second
+        assert reduction.mean[metric] == pytest.approx(
+            true.mean[FIELDS[metric]], rel=5e-4
+        )  # 25 samples a second
 
 
 def test_an_aborted_payout_is_listed_and_left_out() -> None:
@@ -111,13 +127,19 @@ def test_an_aborted_payout_is_listed_and_left_out() -> None:
 
 def test_forty_three_cycles_of_the_measured_field_winch(shared: Path) -> None:
     rig = load_rig("kitepower")
-    reduction = reduce(read_run(shared / "kitepower-2019-10-08" / "ground_station_cycles_01_43.csv", rig=rig), rig=rig)
+    reduction = reduce(
+        read_run(shared / "kitepower-2019-10-08" / "ground_station_cycles_01_43.csv", rig=rig),
+        rig=rig,
+    )
     assert len(reduction.complete) == 43
     assert reduction.total.energy_line == pytest.approx(12.88e6, rel=0.01)
     assert reduction.total.energy_mech == pytest.approx(11.22e6, rel=0.01)
     assert reduction.total.eta_trans == pytest.approx(0.871, rel=0.01)
     assert reduction.bins == ()  # the rig has no gear ratio
-    assert all(c.summary.haul_in is None or (c.summary.haul_in.energy_line or 0.0) <= 0.0 for c in reduction.cycles)
+    assert all(
+        c.summary.haul_in is None or (c.summary.haul_in.energy_line or 0.0) <= 0.0
+        for c in reduction.cycles
+    )
 
 
 DAMAGED = {
@@ -134,11 +156,15 @@ DAMAGED = {
 @pytest.mark.parametrize("name", DAMAGED)
 def test_a_damaged_log_reduces_to_the_clean_runs_efficiencies(fixtures: Path, name: str) -> None:
     clean = reduce(read_run(fixtures / "campaign" / "r36ohm.csv"), window=5.48).mean
-    reduction = reduce(read_run(fixtures / "damaged_logs" / name, rig=load_rig("hsu2026")), window=5.48)
+    reduction = reduce(
+        read_run(fixtures / "damaged_logs" / name, rig=load_rig("hsu2026")), window=5.48
+    )
     assert {f.kind for f in reduction.quality} == DAMAGED[name]
     for metric in ("eta_trans", "eta_gen", "eta_pto"):
         given = name != "no_torque.csv" or metric == "eta_pto"
-        assert reduction.mean[metric] == (pytest.approx(clean[metric], abs=0.005) if given else None)
+        assert reduction.mean[metric] == (
+            pytest.approx(clean[metric], abs=0.005) if given else None
+        )
 
 
 @pytest.mark.parametrize("word", ["soon", "0", "-3", "nan", "inf", ""])
@@ -149,11 +175,19 @@ def test_a_window_that_is_none_is_reported(word: str) -> None:
 
 def test_only_the_cycles_that_are_asked_for_count_and_keep_their_numbers(fixtures: Path) -> None:
     run = read_run(fixtures / "campaign" / "r36ohm.csv")
-    whole, part, short = (reduce(run, window=5.48, cycles=cycles) for cycles in (None, (2, 3), (2, 9)))
-    assert [[c.cycle for c in found.cycles] for found in (whole, part, short)] == [[1, 2, 3], [2, 3], [2, 3]]
+    whole, part, short = (
+        reduce(run, window=5.48, cycles=cycles) for cycles in (None, (2, 3), (2, 9))
+    )
+    assert [[c.cycle for c in found.cycles] for found in (whole, part, short)] == [
+        [1, 2, 3],
+        [2, 3],
+        [2, 3],
+    ]
     energies = [[c.metrics.energy_gen for c in found] for found in (part.cycles, whole.cycles[1:])]
     assert energies[0] == pytest.approx(energies[1])
-    assert part.mean.energy_line == pytest.approx(np.mean([c.metrics.energy_line for c in part.cycles]))
+    assert part.mean.energy_line == pytest.approx(
+        np.mean([c.metrics.energy_line for c in part.cycles])
+    )
     assert [f.kind for f in short.quality] == ["incomplete_cycle"]
     with pytest.raises(OptionError, match=r"r36ohm.csv: cycles 4 to 9 were chosen, but it has 3"):
         reduce(run, cycles=(4, 9))

@@ -1,4 +1,6 @@
-"""Reading and reduction know no size: a log in other units of nature gives the same findings, and energies in these units."""
+"""Reading and reduction know no size: a log in other units of nature gives the same findings,
+and energies in these units.
+"""
 
 from __future__ import annotations
 
@@ -84,16 +86,28 @@ DAMAGES: list[Callable[[Signal, dict[str, Signal]], None]] = [
 ]  # fmt: skip
 
 
-def reduced(damages: tuple[int, ...], left_out: frozenset[str], nature: Nature, *, stated: bool) -> Reduction:
-    """The reduction of the shipped log in some units, after some damages and without some channels."""
+def reduced(
+    damages: tuple[int, ...], left_out: frozenset[str], nature: Nature, *, stated: bool
+) -> Reduction:
+    """The reduction of the shipped log in some units, after some damages and without some
+    channels.
+    """
     rows = table()
     units = [find_unit(CHANNELS[name].unit) for name in NAMES]
-    channels = {name: rows[:, column(name)] * unit.factor for name, unit in zip(NAMES, units, strict=True) if unit}
+    channels = {
+        name: rows[:, column(name)] * unit.factor
+        for name, unit in zip(NAMES, units, strict=True)
+        if unit
+    }
     t = rows[:, 0].copy()
     for k in damages:
         DAMAGES[k](t, channels)
-    t, channels = scaled_log(t, {name: x for name, x in channels.items() if name not in left_out}, nature)
-    frame = pd.DataFrame({"Time (s)": t} | {f"{name} ({UNITS[name]})": x for name, x in channels.items()})
+    t, channels = scaled_log(
+        t, {name: x for name, x in channels.items() if name not in left_out}, nature
+    )
+    frame = pd.DataFrame(
+        {"Time (s)": t} | {f"{name} ({UNITS[name]})": x for name, x in channels.items()}
+    )
     rig = scaled_rig(built_in(), nature, stated=stated)
     return reduce(read_run(frame, rig=rig, load=LOAD * nature.of("resistance")))
 
@@ -102,7 +116,9 @@ def findings(found: Reduction) -> Counter[tuple[str, str | None, int]]:
     return Counter((one.kind, one.channel, one.count) for one in found.quality)
 
 
-def check(nature: Nature, damages: tuple[int, ...], left_out: frozenset[str], *, stated: bool) -> None:
+def check(
+    nature: Nature, damages: tuple[int, ...], left_out: frozenset[str], *, stated: bool
+) -> None:
     """Require the same findings, the same efficiencies, and energies in proportion."""
     here = reduced(damages, left_out, HERE, stated=stated)
     there = reduced(damages, left_out, nature, stated=stated)
@@ -110,8 +126,16 @@ def check(nature: Nature, damages: tuple[int, ...], left_out: frozenset[str], *,
     assert [cycle.complete for cycle in there.cycles] == [cycle.complete for cycle in here.cycles]
     for name, value in here.mean.items():
         other = there.mean[name]
-        factor = nature.of("energy") if name.startswith("energy") else nature.power if name.startswith("power") else 1.0
-        assert other == (None if value is None else pytest.approx(value * factor, rel=ROUNDING)), name
+        factor = (
+            nature.of("energy")
+            if name.startswith("energy")
+            else nature.power
+            if name.startswith("power")
+            else 1.0
+        )
+        assert other == (None if value is None else pytest.approx(value * factor, rel=ROUNDING)), (
+            name
+        )
 
 
 FACTOR = st.floats(-4.0, 4.0).map(np.exp)
@@ -121,7 +145,9 @@ FACTOR = st.floats(-4.0, 4.0).map(np.exp)
 @settings(max_examples=6, deadline=None)
 @given(
     nature=st.builds(Nature, FACTOR, FACTOR, FACTOR, FACTOR),
-    damages=st.sets(st.integers(0, len(DAMAGES) - 1), max_size=2).map(lambda some: tuple(sorted(some))),
+    damages=st.sets(st.integers(0, len(DAMAGES) - 1), max_size=2).map(
+        lambda some: tuple(sorted(some))
+    ),
     left_out=st.sampled_from([frozenset(), frozenset({"velocity"}), frozenset({"displacement"})]),
     stated=st.booleans(),
 )
@@ -134,6 +160,8 @@ def test_a_log_in_other_units_of_nature_is_reduced_alike(
 @pytest.mark.slow
 @pytest.mark.parametrize("stated", [True, False])
 @pytest.mark.parametrize("k", range(len(DAMAGES)))
-def test_each_damage_is_found_alike_in_the_units_of_a_wave_tank_and_of_a_large_winch(k: int, stated: bool) -> None:
+def test_each_damage_is_found_alike_in_the_units_of_a_wave_tank_and_of_a_large_winch(
+    k: int, stated: bool
+) -> None:
     for nature in (Nature(0.1, 0.35, 0.01, 0.3), Nature(4.0, 20.0, 2000.0, 6.0)):
         check(nature, (k,), frozenset(), stated=stated)

@@ -38,7 +38,9 @@ def late(seconds: float, *names: str) -> Run:
 
 def scaled(factor: float, *names: str) -> Run:
     run = clean()
-    return replace(run, channels={**run.channels, **{name: factor * run.channels[name] for name in names}})
+    return replace(
+        run, channels={**run.channels, **{name: factor * run.channels[name] for name in names}}
+    )
 
 
 def relation(found: Reduction, y: str) -> Relation:
@@ -66,7 +68,9 @@ def test_a_group_that_is_late_together_is_late_behind_the_motion(
 def test_the_timing_of_a_group_changes_energies_as_its_row_of_the_budget_says() -> None:
     seconds, plain = 0.02, reduce(clean(), window=WINDOW)
     moved = reduce(late(seconds, "vdc", "idc"), window=WINDOW)
-    (row,) = [r for r in budget(plain).rows if r.source and r.source.origin.startswith("vdc and idc")]
+    (row,) = [
+        r for r in budget(plain).rows if r.source and r.source.origin.startswith("vdc and idc")
+    ]
     assert row.source is not None
     assert row.source.channel == TIMING
     for metric in METRICS:
@@ -77,8 +81,14 @@ def test_the_timing_of_a_group_changes_energies_as_its_row_of_the_budget_says() 
 
 def test_a_stated_u_lag_replaces_what_the_log_shows() -> None:
     rig = built_in()
-    sensors = {name: replace(s, u_lag=0.003) if name in ("vdc", "idc") else s for name, s in rig.sensors.items()}
-    rows = [r.source for r in budget(reduce(clean(), rig=replace(rig, sensors=sensors), window=WINDOW)).rows]
+    sensors = {
+        name: replace(s, u_lag=0.003) if name in ("vdc", "idc") else s
+        for name, s in rig.sensors.items()
+    }
+    rows = [
+        r.source
+        for r in budget(reduce(clean(), rig=replace(rig, sensors=sensors), window=WINDOW)).rows
+    ]
     timed = {s.origin: s.u for s in rows if s is not None and s.channel == TIMING}
     assert timed["u_lag of vdc"] == timed["u_lag of idc"] == 0.003
     assert not any(origin.startswith(("vdc", "idc")) for origin in timed)
@@ -103,8 +113,12 @@ def test_a_lag_that_is_not_reported_lies_in_the_interval() -> None:
         (1.0, (), False),
     ],
 )
-def test_a_machine_gives_no_more_than_it_takes(factor: float, names: tuple[str, ...], found: bool) -> None:
-    assert (("gain_mismatch", "torque") in kinds(reduce(scaled(factor, *names), window=WINDOW))) is found
+def test_a_machine_gives_no_more_than_it_takes(
+    factor: float, names: tuple[str, ...], found: bool
+) -> None:
+    assert (
+        ("gain_mismatch", "torque") in kinds(reduce(scaled(factor, *names), window=WINDOW))
+    ) is found
 
 
 def test_a_load_in_milliohm_is_reported_beside_vdc_over_idc() -> None:
@@ -122,7 +136,9 @@ def test_the_json_has_every_relation_with_its_gain_and_lag() -> None:
 
 
 def test_a_relation_is_that_of_its_own_channels_whatever_the_size_of_others() -> None:
-    run = replace(clean(), channels={**clean().channels, "pressure": 1e6 * clean().channels["pressure"]})
+    run = replace(
+        clean(), channels={**clean().channels, "pressure": 1e6 * clean().channels["pressure"]}
+    )
     before, after = (relation(reduce(of, window=WINDOW), "vdc") for of in (clean(), run))
     assert (after.lag, after.u) == pytest.approx((before.lag, before.u), rel=1e-6)
 
@@ -134,9 +150,12 @@ def test_a_channel_that_never_changes_has_no_relation(y: str) -> None:
     assert not {kind for kind in kinds(found) if kind[0] == "channel_lag"}
 
 
-# ---------------------------------------------------------------------------------------------- several logs
+# ----------------------------------------------------------------------------------- several logs
 def logs(*lags: float) -> dict[str, tuple[Relation, ...]]:
-    return {f"{k}": (Relation("vdc", "velocity", "speed", lag, 0.006, 0.005, 0.1),) for k, lag in enumerate(lags)}
+    return {
+        f"{k}": (Relation("vdc", "velocity", "speed", lag, 0.006, 0.005, 0.1),)
+        for k, lag in enumerate(lags)
+    }
 
 
 def test_a_lag_that_all_logs_share_is_known_better_than_that_of_one() -> None:

@@ -43,7 +43,11 @@ def reduced(log: Path, *options: str) -> dict[str, Any]:
 
 def changes(record: dict[str, Any]) -> dict[tuple[str, str], dict[str, Any]]:
     """Repairs by kind and channel of their findings."""
-    return {(q["kind"], q["channel"]): q["repaired"] for q in record["quality"] if q["repaired"] is not None}
+    return {
+        (q["kind"], q["channel"]): q["repaired"]
+        for q in record["quality"]
+        if q["repaired"] is not None
+    }
 
 
 def test_without_repairs_the_same_is_listed_and_nothing_is_changed(damaged: Path) -> None:
@@ -64,7 +68,9 @@ def test_without_repairs_the_same_is_listed_and_nothing_is_changed(damaged: Path
         t = t[(t >= window["onset_s"]) & (t <= window["cutoff_s"])]
         logged = np.loadtxt(damaged, delimiter=",", skiprows=1)
         power = logged[:, column("force")] * logged[:, column("velocity")]
-        assert cycle["energy_line_j"] == pytest.approx(np.trapezoid(np.interp(t, rows[:, 0], power), t), rel=WHOLE)
+        assert cycle["energy_line_j"] == pytest.approx(
+            np.trapezoid(np.interp(t, rows[:, 0], power), t), rel=WHOLE
+        )
 
 
 def test_repairs_bring_the_energies_back_that_they_are_for(damaged: Path) -> None:

@@ -1,4 +1,6 @@
-"""The budget is that of GTC, which carries uncertain numbers through formulas; intervals are those of Student."""
+"""The budget is that of GTC, which carries uncertain numbers through formulas; intervals are
+those of Student.
+"""
 
 import math
 from functools import cache
@@ -41,7 +43,9 @@ LIMITS = {
     ("force", "zero"): 0.002 * 2000 * 9.80665, ("torque", "zero"): 0.002 * 500,
     ("vdc", "zero"): 0.1, ("vdc", "gain"): 0.005, ("idc", "zero"): 0.01, ("idc", "gain"): 0.005,
 }  # fmt: skip
-"""Limits of the errors in SI units: Table 1's 0.2 % of 2000 kgf and of 500 N m, and what is assumed of Vdc and Idc."""
+"""Limits of the errors in SI units: Table 1's 0.2 % of 2000 kgf and of 500 N m, and what is
+assumed of Vdc and Idc.
+"""
 
 VELOCITY = Sensor("m/s", high=2.0, accuracy_full_scale=0.005, accuracy_reading=0.005)
 WITH_VELOCITY = LIMITS | {("velocity", "zero"): 0.01, ("velocity", "gain"): 0.005}
@@ -85,16 +89,30 @@ def area(t: Signal, x: Signal, begin: float, end: float) -> float:
     return float(np.trapezoid(np.interp(t_in, t, x), t_in))
 
 
-def metrics_of(errors: dict[tuple[str, str], Uncertain], begin: float, end: float) -> dict[str, Uncertain]:
-    """Metrics of one window of the raw log for uncertain errors: (reading - zero) / (1 + gain) multiplied out."""
+def metrics_of(
+    errors: dict[tuple[str, str], Uncertain], begin: float, end: float
+) -> dict[str, Uncertain]:
+    """Metrics of one window of the raw log for uncertain errors: (reading - zero) / (1 + gain)
+    multiplied out.
+    """
     log = dict(zip(COLUMNS, np.loadtxt(R36, delimiter=",", skiprows=1).T, strict=True))
     t, energy = log["t"], {}
-    for stage, pair in {"line": ("force", "velocity"), "mech": ("torque", "velocity"), "gen": ("vdc", "idc")}.items():
+    for stage, pair in {
+        "line": ("force", "velocity"),
+        "mech": ("torque", "velocity"),
+        "gen": ("vdc", "idc"),
+    }.items():
         x, y = (log[name] for name in pair)
         zero_x, zero_y = (errors.get((name, "zero"), 0.0) for name in pair)
         gain_x, gain_y = (errors.get((name, "gain"), 0.0) for name in pair)
-        whole = area(t, x * y, begin, end) - zero_x * area(t, y, begin, end) - zero_y * area(t, x, begin, end)
-        energy[stage] = (whole + zero_x * zero_y * (end - begin)) / ((1.0 + gain_x) * (1.0 + gain_y))
+        whole = (
+            area(t, x * y, begin, end)
+            - zero_x * area(t, y, begin, end)
+            - zero_y * area(t, x, begin, end)
+        )
+        energy[stage] = (whole + zero_x * zero_y * (end - begin)) / (
+            (1.0 + gain_x) * (1.0 + gain_y)
+        )
     energy["mech"] = energy["mech"] / R_DRUM
     ratios = {m: energy[out[7:]] / energy[into[7:]] for m, (out, into) in CASCADE.ratios.items()}
     powers = {f"power_{stage}": joules / (end - begin) for stage, joules in energy.items()}
@@ -104,12 +122,18 @@ def metrics_of(errors: dict[tuple[str, str], Uncertain], begin: float, end: floa
 @pytest.mark.parametrize(("window", "moving"), [(5.48, True), ("auto", False)])
 def test_cycles_means_rows_and_freedom_are_those_of_gtc(window: WindowRule, moving: bool) -> None:
     """Windows of one length and of several, errors of one stage and one that two stages share."""
-    reduction = untimed(reduce(run36(), rig=rig_with(velocity=VELOCITY) if moving else LIMITED, window=window))
+    reduction = untimed(
+        reduce(run36(), rig=rig_with(velocity=VELOCITY) if moving else LIMITED, window=window)
+    )
     limits, ours = WITH_VELOCITY if moving else LIMITS, budget(reduction)
     errors = {key: GTC.ureal(0.0, limit / math.sqrt(3.0)) for key, limit in limits.items()}
     spans = [(c.window.onset, c.window.cutoff) for c in reduction.cycles]
     cycles = [metrics_of(errors, begin, end) for begin, end in spans]
-    rows = {(row.source.channel, str(row.source.part)): row.of for row in ours.rows if row.source is not None}
+    rows = {
+        (row.source.channel, str(row.source.part)): row.of
+        for row in ours.rows
+        if row.source is not None
+    }
     assert (set(rows), len(rows)) == (set(errors), len(ours.rows))
     for m in METRICS:
         sensors = sum(c[m] for c in cycles) / len(cycles)
@@ -122,7 +146,9 @@ def test_cycles_means_rows_and_freedom_are_those_of_gtc(window: WindowRule, movi
         assert ours.freedom[m] == pytest.approx(GTC.dof(mean), rel=1e3 * ROUNDING)  # a fourth power
         unrelated = ROUNDING * ours.sensors.value(m)
         parts = [GTC.component(sensors, error) for error in errors.values()]
-        assert [rows[key][m] for key in errors] == pytest.approx(np.abs(parts), rel=ROUNDING, abs=unrelated)
+        assert [rows[key][m] for key in errors] == pytest.approx(
+            np.abs(parts), rel=ROUNDING, abs=unrelated
+        )
 
 
 THIRD, IN = math.sqrt(3.0), "calibration_in_place"
@@ -151,17 +177,27 @@ def test_what_a_rig_file_states_of_a_sensor_makes_errors_of_zero_and_gain(kind: 
     found = error_sources("force", sensor)
     assert [(s.part, s.basis) for s in found] == [(part, basis) for part, _, basis in expected]
     assert [s.u for s in found] == pytest.approx([u for _, u, _ in expected])
-    assert [s.limit for s in found] == [pytest.approx(s.u * THIRD) if s.basis == "limits" else None for s in found]
-    gain, zero = (math.hypot(*(u for p, u, _ in expected if p == part)) for part in ("gain", "zero"))
-    assert (part_uncertainty(sensor, "gain"), part_uncertainty(sensor, "zero")) == pytest.approx((gain, zero))
-    in_the_fit = gain if "u_zero" in stated or not sensor.full_scale else math.hypot(gain, zero / sensor.full_scale)
+    assert [s.limit for s in found] == [
+        pytest.approx(s.u * THIRD) if s.basis == "limits" else None for s in found
+    ]
+    gain, zero = (
+        math.hypot(*(u for p, u, _ in expected if p == part)) for part in ("gain", "zero")
+    )
+    assert (part_uncertainty(sensor, "gain"), part_uncertainty(sensor, "zero")) == pytest.approx(
+        (gain, zero)
+    )
+    in_the_fit = (
+        gain
+        if "u_zero" in stated or not sensor.full_scale
+        else math.hypot(gain, zero / sensor.full_scale)
+    )
     assert sensor_errors(sensor) == pytest.approx((in_the_fit, zero))
 
 
 RADIUS_ACTS_ON = {"drum": {"energy_line", "power_line", "eta_trans", "eta_pto"},
                   "line": {"energy_mech", "power_mech", "eta_trans", "eta_gen"}}  # fmt: skip
-"""Metrics that an error of the drum radius changes, by where the motion is measured: of E = F v t with v = r omega, of
-E = tau v t / r with v measured on the line."""
+"""Metrics that an error of the drum radius changes, by where the motion is measured: of E = F v t
+with v = r omega, of E = tau v t / r with v measured on the line."""
 
 
 @pytest.mark.parametrize("motion", RADIUS_ACTS_ON)
@@ -186,7 +222,10 @@ def test_what_is_not_known_has_no_uncertainty() -> None:
     found = uncertainty(reduce(run36(), rig=rig_with(force=Sensor("N", high=20000.0)), window=5.48))
     of = found.budget
     assert (of.unknown, of.exact) == (("force",), ("velocity",))
-    assert all(none_of(part) == needs_force for part in (of.mean, of.sensors, of.freedom, found.standard, *of.cycles))
+    assert all(
+        none_of(part) == needs_force
+        for part in (of.mean, of.sensors, of.freedom, found.standard, *of.cycles)
+    )
     assert not needs_force & {*found.interval_95}
     one = budget(reduce(run36(), rig=LIMITED, window=5.48, cycles=(2, 2)))
     assert one.mean == one.sensors == pytest.approx(one.cycles[0])
@@ -200,11 +239,14 @@ def test_the_errors_of_a_power_that_is_a_sum_change_it_as_a_log_that_is_read_too
     power = Power((Term(("vdc", "idc")), Term(("idc",), constant=60.0), Term((), constant=-5.0)))
     cascade = Cascade((BUILT_IN["line"], Stage("own", (power,))), configured=True)
     rig = msgspec.structs.replace(
-        rig_with(vdc=Sensor("V", accuracy=0.5), idc=Sensor("A", accuracy_reading=0.01)), cascade=cascade
+        rig_with(vdc=Sensor("V", accuracy=0.5), idc=Sensor("A", accuracy_reading=0.01)),
+        cascade=cascade,
     )
     plain = untimed(reduce(run36(), rig=rig, window=5.48))
     rows = [
-        (row.source, row.of) for row in budget(plain).rows if row.source is not None and row.source.channel != "force"
+        (row.source, row.of)
+        for row in budget(plain).rows
+        if row.source is not None and row.source.channel != "force"
     ]
     assert {source.channel for source, _ in rows} == {"vdc", "idc"}
     for source, of in rows:
@@ -212,7 +254,9 @@ def test_the_errors_of_a_power_that_is_a_sum_change_it_as_a_log_that_is_read_too
         true = x / (1.0 + source.u) if source.part == "gain" else x - source.u
         changed = reduce(channels_of_run36(**{source.channel: true}), rig=rig, window=5.48)
         for m in ("energy_own", "power_own", "eta_line_own"):
-            assert of[m] == pytest.approx(plain.mean.value(m) - changed.mean.value(m), rel=source.u + 1e-6)
+            assert of[m] == pytest.approx(
+                plain.mean.value(m) - changed.mean.value(m), rel=source.u + 1e-6
+            )
 
 
 def test_bridged_gaps_have_one_row_without_a_source() -> None:
@@ -221,13 +265,19 @@ def test_bridged_gaps_have_one_row_without_a_source() -> None:
     (row,) = (r.of for r in found.rows if r.source is None)
     for stage, joules in reduction.bridged.items():
         counted = [joule for joule, c in zip(joules, reduction.cycles, strict=True) if c.complete]
-        expected = math.hypot(*counted) / math.sqrt(3.0) / len(counted)  # rectangular, independent of each other
+        expected = (
+            math.hypot(*counted) / math.sqrt(3.0) / len(counted)
+        )  # rectangular, independent of each other
         assert row[f"energy_{stage}"] == pytest.approx(expected, rel=ROUNDING)
     for m in METRICS:
-        assert found.sensors[m] == pytest.approx(math.hypot(*(r.of.value(m) for r in found.rows)), rel=ROUNDING)
+        assert found.sensors[m] == pytest.approx(
+            math.hypot(*(r.of.value(m) for r in found.rows)), rel=ROUNDING
+        )
 
 
-@pytest.mark.parametrize("name", ["campaign/r36ohm.csv", "damaged_logs/dropouts.csv", "damaged_logs/aborted.csv"])
+@pytest.mark.parametrize(
+    "name", ["campaign/r36ohm.csv", "damaged_logs/dropouts.csv", "damaged_logs/aborted.csv"]
+)
 def test_an_interval_is_student_s_with_the_degrees_of_freedom_of_the_budget(name: str) -> None:
     reduction = reduce(read_run(LOGS / name))
     found = uncertainty(reduction)
@@ -246,20 +296,28 @@ def test_quantiles_of_student_are_those_of_scipy() -> None:
 
 
 def with_one_error(n: int, limit: float, pulled: Signal | float = 1.0) -> tuple[Reduction, Signal]:
-    """Cycles that differ in their force alone; the zero of the force cell may be wrong by a limit [N], nothing else. The second
-    is the force by which the line energy of each cycle divides into its travel [N]: a zero error is a share of it.
+    """Cycles that differ in their force alone; the zero of the force cell may be wrong by a limit
+    [N], nothing else. The second is the force by which the line energy of each cycle divides into
+    its travel [N]: a zero error is a share of it.
     """
     t, channels = cycles_of(n)
     run = run_of(t, amplified(channels, {"force": np.broadcast_to(pulled, n)}))
-    sensors = {name: Sensor(unit, u_gain=1e-9) for name, unit in (("torque", "N.m"), ("vdc", "V"), ("idc", "A"))}
-    rig = msgspec.structs.replace(built_in(), sensors=sensors | {"force": Sensor("N", accuracy=limit)})
+    sensors = {
+        name: Sensor(unit, u_gain=1e-9)
+        for name, unit in (("torque", "N.m"), ("vdc", "V"), ("idc", "A"))
+    }
+    rig = msgspec.structs.replace(
+        built_in(), sensors=sensors | {"force": Sensor("N", accuracy=limit)}
+    )
     found = untimed(reduce(run, rig=rig, window=LENGTH))
     force, v, spans = (
         run.channels["force"],
         run.channels["velocity"],
         [(c.window.onset, c.window.cutoff) for c in found.cycles],
     )
-    return found, np.array([area(run.t, force * v, *span) / area(run.t, v, *span) for span in spans])
+    return found, np.array(
+        [area(run.t, force * v, *span) / area(run.t, v, *span) for span in spans]
+    )
 
 
 MEAN_FORCE = float(with_one_error(3, 1.0)[1][0])
@@ -267,7 +325,9 @@ MEAN_FORCE = float(with_one_error(3, 1.0)[1][0])
 
 @pytest.mark.parametrize("share", [0.005, 0.5, 1.1])
 def test_an_error_that_could_take_all_away_leaves_an_efficiency_undetermined(share: float) -> None:
-    """The energy is linear in the zero, an efficiency goes with 1 / (1 - x), x even in (-share, share)."""
+    """The energy is linear in the zero, an efficiency goes with 1 / (1 - x), x even in (-share,
+    share).
+    """
     reduction, _ = with_one_error(3, share * MEAN_FORCE)
     found, energy = uncertainty(reduction), reduction.mean.value("energy_line")
     u = energy * share / math.sqrt(3.0)

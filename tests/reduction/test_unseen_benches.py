@@ -1,4 +1,6 @@
-"""Benches with headers, signs and machines of their own, against their noise-free truth; each log is made here."""
+"""Benches with headers, signs and machines of their own, against their noise-free truth; each
+log is made here.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +13,15 @@ from calls import call
 from scipy.signal import lfilter
 
 WITHIN = 0.002
-"""Share of the mean energy by which a cycle may miss the truth: noise and rounding of the log. [1]"""
+"""Share of the mean energy by which a cycle may miss the truth: noise and rounding of the log.
+[1]
+"""
 
 
 def compared(result: Path, t: np.ndarray, powers: dict[str, np.ndarray]) -> int:
-    """Compare the energies of every complete cycle with the integral of the true powers over its window; how many."""
+    """Compare the energies of every complete cycle with the integral of the true powers over its
+    window; how many.
+    """
     cycles = [c for c in json.loads(result.read_text(encoding="utf-8"))["cycles"] if c["complete"]]
     for stage, watts in powers.items():
         sums = np.concatenate(([0.0], np.cumsum(0.5 * (watts[1:] + watts[:-1]) * np.diff(t))))
@@ -45,10 +51,18 @@ power = "-torque * speed"
 
 def test_steps_behind_a_settling_that_lies_within_the_band_are_whole(tmp_path: Path) -> None:
     rng, step = np.random.default_rng(5), 0.01
-    points = [(0, 0, 4), *((n, torque, 9) for n in (12, 24, 36, 48) for torque in (150, 400, 700)), (0, 0, 3)]
+    points = [
+        (0, 0, 4),
+        *((n, torque, 9) for n in (12, 24, 36, 48) for torque in (150, 400, 700)),
+        (0, 0, 3),
+    ]
     share = step / 0.15
     rpm, torque = (
-        lfilter([share], [1.0, share - 1.0], np.repeat([p[k] for p in points], [100 * p[2] for p in points]))
+        lfilter(
+            [share],
+            [1.0, share - 1.0],
+            np.repeat([p[k] for p in points], [100 * p[2] for p in points]),
+        )
         for k in (0, 1)
     )
     t, omega = step * np.arange(rpm.size), rpm * np.pi / 30.0
@@ -61,12 +75,21 @@ def test_steps_behind_a_settling_that_lies_within_the_band_are_whole(tmp_path: P
     log, rig = written(tmp_path / "dyno.csv", head, rows), tmp_path / "dyno.toml"
     rig.write_text(DYNO, encoding="utf-8")
     code, _out, err = call(
-        "reduce", log, "--rig", rig, "--json", tmp_path / "a.json", "--loss-map", tmp_path / "map.json"
+        "reduce",
+        log,
+        "--rig",
+        rig,
+        "--json",
+        tmp_path / "a.json",
+        "--loss-map",
+        tmp_path / "map.json",
     )
     assert (code, err) == (0, "")
     assert compared(tmp_path / "a.json", t, {"mech": mech, "gen": gen}) == 12
     surface = json.loads((tmp_path / "map.json").read_text(encoding="utf-8"))
-    assert min(surface["points"]["torque_nm"]) > 100.0  # the torque of the map counts as the rig file counts its power
+    assert (
+        min(surface["points"]["torque_nm"]) > 100.0
+    )  # the torque of the map counts as the rig file counts its power
 
 
 @pytest.mark.parametrize("source", ["waves", "whole"])
@@ -79,26 +102,46 @@ def test_a_minus_sign_of_a_rig_file_speaks_of_the_log_also_where_a_sign_is_corre
     force = 2500.0 * v + 200.0 * np.tanh(v / 0.05)
     line, ac = force * v, 0.83 * force * v - 5.0
     noise = rng.normal(0.0, (0.02, 2.0, 0.004, 3.0), (t.size, 4))
-    rows = np.column_stack((1e3 * t, np.column_stack((1e3 * x, 1e3 * v, -1e-3 * force, ac)) + noise))
+    rows = np.column_stack(
+        (1e3 * t, np.column_stack((1e3 * x, 1e3 * v, -1e-3 * force, ac)) + noise)
+    )
     log, rig = tmp_path / "linear.csv", tmp_path / "linear.toml"
-    np.savetxt(log, rows, delimiter=",", header="t [ms],Position [mm],Speed [mm/s],Damper [kN],Meter [W]", comments="")
+    np.savetxt(
+        log,
+        rows,
+        delimiter=",",
+        header="t [ms],Position [mm],Speed [mm/s],Damper [kN],Meter [W]",
+        comments="",
+    )
     rig.write_text(
-        f'name = "linear generator"\n[cascade]\nstages = ["line", "ac"]\n[phases]\nfrom = "{source}"\n'
-        '[stage.line]\npower = "-force * velocity"\n[columns]\nforce = "Damper [kN]"\npower_ac = "Meter [W]"\n'
+        f'name = "linear generator"\n[cascade]\nstages = ["line", "ac"]\n[phases]\nfrom = '
+        f'"{source}"\n'
+        '[stage.line]\npower = "-force * velocity"\n[columns]\nforce = "Damper [kN]"\npower_ac = '
+        '"Meter [W]"\n'
     )
     code, out, err = call("reduce", log, "--rig", rig, "--json", tmp_path / "a.json")
     assert (code, err) == (0, "")
     found = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))["quality"]
     assert ("sign_flipped", "force") in [(finding["kind"], finding["channel"]) for finding in found]
-    assert compared(tmp_path / "a.json", t, {"line": line, "ac": ac}) == (14 if source == "waves" else 1)
+    assert compared(tmp_path / "a.json", t, {"line": line, "ac": ac}) == (
+        14 if source == "waves" else 1
+    )
     assert ", -0 J" not in out
 
 
 @pytest.mark.parametrize("rows", [2, 6])
-def test_a_short_table_of_step_means_is_reduced_and_a_short_log_names_that_source(tmp_path: Path, rows: int) -> None:
+def test_a_short_table_of_step_means_is_reduced_and_a_short_log_names_that_source(
+    tmp_path: Path, rows: int
+) -> None:
     speed, torque = np.linspace(200.0, 600.0, rows), np.linspace(20.0, 60.0, rows)
     log, rig = tmp_path / "means.csv", tmp_path / "rig.toml"
-    np.savetxt(log, np.column_stack((speed, torque)), delimiter=",", header="Speed (rpm),Torque (N.m)", comments="")
+    np.savetxt(
+        log,
+        np.column_stack((speed, torque)),
+        delimiter=",",
+        header="Speed (rpm),Torque (N.m)",
+        comments="",
+    )
     text = 'name = "a"\n[cascade]\nstages = ["mech"]\n[phases]\nfrom = "rows"\n'
     rig.write_text(text)
     assert call("reduce", log, "--rig", rig, "--json", tmp_path / "a.json").code == 0
@@ -114,7 +157,15 @@ def bench(folder: Path, log: str, content: bytes, rig: str, *options: str) -> Pa
     """Reduce a log that has just been written; its record."""
     (folder / log).write_bytes(content)
     (folder / "rig.toml").write_text(rig, encoding="utf-8")
-    called = call("reduce", folder / log, "--rig", folder / "rig.toml", "--json", folder / "out.json", *options)
+    called = call(
+        "reduce",
+        folder / log,
+        "--rig",
+        folder / "rig.toml",
+        "--json",
+        folder / "out.json",
+        *options,
+    )
     assert called.code == 0, called
     return folder / "out.json"
 
@@ -126,13 +177,17 @@ def table(head: str, rows: np.ndarray, *, digits: int = 5) -> bytes:
 
 
 def found_in(result: Path) -> set[str]:
-    return {finding["kind"] for finding in json.loads(result.read_text(encoding="utf-8"))["quality"]}
+    return {
+        finding["kind"] for finding in json.loads(result.read_text(encoding="utf-8"))["quality"]
+    }
 
 
 def test_a_motor_in_newton_centimetres_and_turns_a_minute_beside_kilowatts(tmp_path: Path) -> None:
     t = 0.05 * np.arange(960)
     step = np.minimum(t // 8.0, 5.0)
-    omega = np.convolve(np.pad(30.0 + 20.0 * step, 10, mode="edge"), np.full(21, 1.0 / 21.0), "valid")
+    omega = np.convolve(
+        np.pad(30.0 + 20.0 * step, 10, mode="edge"), np.full(21, 1.0 / 21.0), "valid"
+    )
     torque = 1.0 + step
     power = torque * omega / 0.78
     rows = np.column_stack((t, omega * 30.0 / np.pi, 100.0 * torque, power / 1e3))

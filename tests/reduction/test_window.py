@@ -28,15 +28,25 @@ TRAPEZOID = along((5.0, 0.0), (7.0, 0.9), (16.0, 0.9), (17.0, 0.0))
 
 
 def window(
-    rule: WindowRule, cycle: Cycle = PAYOUT, plateau: Plateau | None = HELD, top: float = 0.9, end: float = 29.0
+    rule: WindowRule,
+    cycle: Cycle = PAYOUT,
+    plateau: Plateau | None = HELD,
+    top: float = 0.9,
+    end: float = 29.0,
 ) -> Window:
     run = Run("made", np.array([0.0, end]), {"velocity": np.zeros(2)}, 1.0 / end, 2)
-    return find_window(PhasedRun(run, built_in(), rule, run.t, 1, [cycle], None, [plateau], [9.0], [top]), 0)
+    return find_window(
+        PhasedRun(run, built_in(), rule, run.t, 1, [cycle], None, [plateau], [9.0], [top]), 0
+    )
 
 
 def test_plateau_and_braking_lie_where_straight_lines_pass_98_percent_of_the_speed() -> None:
-    plateau = find_plateau(T, along((5.01, 0.0), (7.01, 0.9), (16.0, 0.9), (17.0, 0.0)), PAYOUT, RULES)
-    assert msgspec.structs.astuple(plateau) == pytest.approx((0.9, 5.01 + 0.98 * 2.0, 16.0 + 0.02), abs=1e-9)  # type: ignore[arg-type]
+    plateau = find_plateau(
+        T, along((5.01, 0.0), (7.01, 0.9), (16.0, 0.9), (17.0, 0.0)), PAYOUT, RULES
+    )
+    assert msgspec.structs.astuple(plateau) == pytest.approx(  # type: ignore[arg-type]
+        (0.9, 5.01 + 0.98 * 2.0, 16.0 + 0.02), abs=1e-9
+    )
 
 
 @pytest.mark.parametrize(
@@ -47,9 +57,14 @@ def test_plateau_and_braking_lie_where_straight_lines_pass_98_percent_of_the_spe
     ],
 )
 def test_the_plateau_is_held_from_its_beginning_and_lasts_to_the_last_sample_at_its_level(
-    changed: tuple[float, float], speed: float, begin: tuple[float, float], braking: tuple[float, float]
+    changed: tuple[float, float],
+    speed: float,
+    begin: tuple[float, float],
+    braking: tuple[float, float],
 ) -> None:
-    found = find_plateau(T, np.where((changed[0] < T) & (changed[1] > T), speed, TRAPEZOID), PAYOUT, RULES)
+    found = find_plateau(
+        T, np.where((changed[0] < T) & (changed[1] > T), speed, TRAPEZOID), PAYOUT, RULES
+    )
     assert found is not None
     assert begin[0] < found.begin < begin[1]
     assert braking[0] < found.braking < braking[1]
@@ -59,13 +74,23 @@ def test_the_plateau_is_held_from_its_beginning_and_lasts_to_the_last_sample_at_
     ("v", "cycle", "ends"),
     [
         (np.full(T.size, 0.9), Cycle(T[0], T[-1], None, None, True, True), (T[0], T[-1])),
-        (np.where(T > 8.0, 0.9, 0.0), msgspec.structs.replace(PAYOUT, payout_end=12.0), (8.04 - 0.02 * 0.04, 12.0)),
-        (along((5.0, 0.0), (5.1, 0.9), (5.2, 0.0)), msgspec.structs.replace(PAYOUT, payout_end=5.2), None),
+        (
+            np.where(T > 8.0, 0.9, 0.0),
+            msgspec.structs.replace(PAYOUT, payout_end=12.0),
+            (8.04 - 0.02 * 0.04, 12.0),
+        ),
+        (
+            along((5.0, 0.0), (5.1, 0.9), (5.2, 0.0)),
+            msgspec.structs.replace(PAYOUT, payout_end=5.2),
+            None,
+        ),
         (np.full(T.size, -0.2), PAYOUT, None),  # a payout that only a gap indicates
         (np.full(T.size, 0.9), Cycle(T[0], T[1], None, None, False, False), None),  # two samples
     ],
 )
-def test_a_plateau_may_be_cut_and_may_be_missing(v: Signal, cycle: Cycle, ends: tuple[float, float] | None) -> None:
+def test_a_plateau_may_be_cut_and_may_be_missing(
+    v: Signal, cycle: Cycle, ends: tuple[float, float] | None
+) -> None:
     found = find_plateau(T, v, cycle, RULES)
     assert (found and (found.begin, found.braking)) == (ends and pytest.approx(ends, abs=1e-9))
 
@@ -79,7 +104,9 @@ def test_a_plateau_may_be_cut_and_may_be_missing(v: Signal, cycle: Cycle, ends: 
         ("payout", None, 17.0),
     ],
 )
-def test_a_window_ends_by_its_rule(rule: WindowRule, plateau: Plateau | None, cutoff: float) -> None:
+def test_a_window_ends_by_its_rule(
+    rule: WindowRule, plateau: Plateau | None, cutoff: float
+) -> None:
     found = window(rule, plateau=plateau)
     assert found.fault is None
     assert (found.onset, found.cutoff) == pytest.approx((5.0, cutoff))

@@ -1,4 +1,6 @@
-"""Small logs of invented benches, computed without random numbers, and their rig files: what the group `benches` reads."""
+"""Small logs of invented benches, computed without random numbers, and their rig files: what the
+group `benches` reads.
+"""
 
 from pathlib import Path
 
@@ -53,13 +55,16 @@ def _write(path: Path, head: str, *columns: np.ndarray) -> None:
 
 def _rig(path: Path, stages: str, source: str, more: str = "") -> None:
     path.write_text(
-        f'name = "{path.stem}"\n{more}[cascade]\nstages = {stages}\n[phases]\nfrom = "{source}"\n{SENSORS}',
+        f'name = "{path.stem}"\n{more}[cascade]\nstages = {stages}\n[phases]\nfrom = '
+        f'"{source}"\n{SENSORS}',
         encoding="utf-8",
     )
 
 
 def write_bench_logs() -> None:
-    """Write `dyno.csv`, `motor.csv`, `sea_1.csv`, `sea_2.csv`, `points.toml` and rig files into the present folder."""
+    """Write `dyno.csv`, `motor.csv`, `sea_1.csv`, `sea_2.csv`, `points.toml` and rig files into
+    the present folder.
+    """
     n, torque = (np.repeat([point[k] for point in POINTS], 60) for k in (0, 1))
     mech, gen = _powers(n, torque)
     t = 0.1 * np.arange(n.size)
@@ -79,21 +84,37 @@ def write_bench_logs() -> None:
     )
     _rig(Path("motor.toml"), '["gen", "mech"]', "rows")
     rows = [(a, b, *map(float, _powers(np.array(a), np.array(b)))) for a, b in POINTS]
-    cells = ("n = {:.0f}\ntorque = {:.0f}\npower_mech = {:.0f}\npower_gen = {:.0f}\neta_gen = {:.1f}\n",)
+    cells = (
+        "n = {:.0f}\ntorque = {:.0f}\npower_mech = {:.0f}\npower_gen = {:.0f}\neta_gen = {:.1f}\n",
+    )
     points = [cells[0].format(*row, 100.0 * row[3] / row[2]) for row in rows]
     points[2] = points[2].replace("power_gen = ", "power_gen = 1")
-    Path("points.toml").write_text(TABLE + "".join(f"[[point]]\n{point}" for point in points), encoding="utf-8")
+    Path("points.toml").write_text(
+        TABLE + "".join(f"[[point]]\n{point}" for point in points), encoding="utf-8"
+    )
     drum = '[winch]\nr_drum = { value = 0.13, unit = "m", source = "invented" }\n'
     _rig(Path("waves.toml"), '["line", "mech", "gen"]', "waves", drum)
     for k, period in enumerate((6.0, 8.0), 1):
         t = 0.05 * np.arange(2600)
-        v = 0.5 * np.sin(2.0 * np.pi * t / period) + 0.2 * np.sin(2.0 * np.pi * t / (1.37 * period) + k)
+        v = 0.5 * np.sin(2.0 * np.pi * t / period) + 0.2 * np.sin(
+            2.0 * np.pi * t / (1.37 * period) + k
+        )
         x = np.concatenate(([0.0], np.cumsum(0.025 * (v[1:] + v[:-1]))))
         shaft = np.maximum(v, 0.0)
         force, torque = 900.0 + 1500.0 * shaft + _ripple(t.size, 2.0, k), 150.0 * shaft
         vdc = 20.0 + 150.0 * shaft
         names = "Time (s),Displacement (m),Velocity (m/s),Force (N),Torque (N.m),Vdc (V),Idc (A)"
-        _write(Path(f"sea_{k}.csv"), names, t, x, v, force, torque, vdc, 0.8 * torque * shaft / 0.13 / vdc)
+        _write(
+            Path(f"sea_{k}.csv"),
+            names,
+            t,
+            x,
+            v,
+            force,
+            torque,
+            vdc,
+            0.8 * torque * shaft / 0.13 / vdc,
+        )
     runs = "".join(f'[[run]]\nfile = "sea_{k}.csv"\nload_ohm = 36\n' for k in (1, 2))
     Path("sea.toml").write_text(
         f'title = "Two sea states"\nrig = "waves.toml"\nmeasured = false\n{runs}', encoding="utf-8"

@@ -1,8 +1,9 @@
-"""Which commands are called, and what is stored of them: groups of lines, each group in a folder of its own.
+"""Which commands are called, and what is stored of them: groups of lines, each group in a folder of
+its own.
 
-A line is a command, `show FILE ...`, or `list FOLDER` for the names of its files. The exit code of every command is stored
-in `codes.txt`; the file that follows an option of `STORED`, and each that is shown, under its own name; what is printed in
-`NAME.txt` where `> NAME` ends the line.
+A line is a command, `show FILE ...`, or `list FOLDER` for the names of its files. The exit code of
+every command is stored in `codes.txt`; the file that follows an option of `STORED`, and each that
+is shown, under its own name; what is printed in `NAME.txt` where `> NAME` ends the line.
 """
 
 from typing import NamedTuple
@@ -18,7 +19,9 @@ STORED = ("--json", "--html", "--write", "--loss-map")
 
 
 class Group(NamedTuple):
-    """Lines of a group, the accuracy of its data, whether it takes long, and whether it needs the data beside the project."""
+    """Lines of a group, the accuracy of its data, whether it takes long, and whether it needs
+    the data beside the project.
+    """
 
     lines: str
     accuracy: float = EXACT

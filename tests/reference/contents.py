@@ -20,8 +20,13 @@ def parquet_content(path: Path) -> Any:
     from pyarrow import parquet
 
     table = parquet.read_table(path)
-    about = {key.decode(): value.decode() for key, value in sorted((table.schema.metadata or {}).items())}
-    columns = {field.name: [str(field.type), table.column(field.name).to_pylist()] for field in table.schema}
+    about = {
+        key.decode(): value.decode() for key, value in sorted((table.schema.metadata or {}).items())
+    }
+    columns = {
+        field.name: [str(field.type), table.column(field.name).to_pylist()]
+        for field in table.schema
+    }
     return {"metadata": about, "rows": table.num_rows, "columns": columns}
 
 
@@ -31,14 +36,17 @@ def workbook_content(path: Path) -> Any:
 
     book = openpyxl.load_workbook(path)
     return {
-        sheet.title: {"rows": sheet.max_row, "heads": [cell.value for cell in sheet[1]]} for sheet in book.worksheets
+        sheet.title: {"rows": sheet.max_row, "heads": [cell.value for cell in sheet[1]]}
+        for sheet in book.worksheets
     }
 
 
 def csv_content(path: Path) -> Any:
     """Read a CSV file: the cells of each column, numbers where they are some."""
     head, *rows = csv.reader(io.StringIO(path.read_text(encoding="utf-8")))
-    columns: list[Sequence[object]] = [[_cell(cell) for cell in column] for column in zip(*rows, strict=True)]
+    columns: list[Sequence[object]] = [
+        [_cell(cell) for cell in column] for column in zip(*rows, strict=True)
+    ]
     return dict(zip(head, columns, strict=True))
 
 
@@ -62,7 +70,23 @@ def page_content(path: Path) -> str:
     return "".join(f"{line}\n" for line in reader.lines)
 
 
-_INLINE = {"a", "b", "br", "i", "em", "strong", "small", "span", "sub", "sup", "code", "meta", "link", "input", "img"}
+_INLINE = {
+    "a",
+    "b",
+    "br",
+    "i",
+    "em",
+    "strong",
+    "small",
+    "span",
+    "sub",
+    "sup",
+    "code",
+    "meta",
+    "link",
+    "input",
+    "img",
+}
 _HIDDEN = {"svg", "style", "script"}
 
 

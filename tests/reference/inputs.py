@@ -57,25 +57,44 @@ WORN = 0.98
 
 
 def write_inputs(*, shared: bool) -> None:
-    """Write all inputs into the present folder, which holds the fixtures; `shared`: and the data beside the project."""
+    """Write all inputs into the present folder, which holds the fixtures; `shared`: and the data
+    beside the project.
+    """
     write_bench_logs()
     Path("wrong.toml").write_text(WRONG_TABLE, encoding="utf-8")
     times = np.arange(0.0, 22.01, 0.05)
-    rows = [f"{t:.2f},{v:.6f}" for t, v in zip(times, np.interp(times, CORNERS, VELOCITIES), strict=True)]
-    Path("profile.csv").write_text("\n".join(["time_s,velocity_mps", *rows]) + "\n", encoding="utf-8")
-    _write_campaign("two", {CAMPAIGN / "r18ohm.csv": 18.0, CAMPAIGN / "r4p5ohm.csv": 4.5}, window=5.96)
-    damaged = {DAMAGED / f"{name}.csv": 36.0 for name in ("aborted", "dropouts", "no_torque", "truncated", "units_row")}
+    rows = [
+        f"{t:.2f},{v:.6f}"
+        for t, v in zip(times, np.interp(times, CORNERS, VELOCITIES), strict=True)
+    ]
+    Path("profile.csv").write_text(
+        "\n".join(["time_s,velocity_mps", *rows]) + "\n", encoding="utf-8"
+    )
+    _write_campaign(
+        "two", {CAMPAIGN / "r18ohm.csv": 18.0, CAMPAIGN / "r4p5ohm.csv": 4.5}, window=5.96
+    )
+    damaged = {
+        DAMAGED / f"{name}.csv": 36.0
+        for name in ("aborted", "dropouts", "no_torque", "truncated", "units_row")
+    }
     _write_campaign("damaged", {CAMPAIGN / "open_circuit.csv": math.inf, **damaged}, window=5.48)
     _write_campaign(
-        "short", {CAMPAIGN / "open_circuit.csv": math.inf, CAMPAIGN / "r36ohm.csv": 36.0}, window=5.48, rows=SHORT
+        "short",
+        {CAMPAIGN / "open_circuit.csv": math.inf, CAMPAIGN / "r36ohm.csv": 36.0},
+        window=5.48,
+        rows=SHORT,
     )
     _write_worn()
     if shared:
         Path("kite", "campaign.toml").write_text(KITE_CAMPAIGN, encoding="utf-8")
 
 
-def _write_campaign(folder: str, logs: dict[Path, float], *, window: float, rows: int | None = None) -> None:
-    """Write a campaign of copies of logs with their loads [ohm], of their first rows if so many are given."""
+def _write_campaign(
+    folder: str, logs: dict[Path, float], *, window: float, rows: int | None = None
+) -> None:
+    """Write a campaign of copies of logs with their loads [ohm], of their first rows if so many
+    are given.
+    """
     Path(folder).mkdir()
     entries = [f'title = "The campaign {folder}"\n']
     for log, load in logs.items():

@@ -2,8 +2,9 @@
 
 python tests/reference/record.py [--only GROUP ...] [--check]
 
-Without options it writes the present outputs of all groups into tests/reference/outputs, and prints what has changed. Data
-within their accuracy of the stored ones stay as they are stored. `--check` prints the same and writes nothing.
+Without options it writes the present outputs of all groups into tests/reference/outputs, and prints
+what has changed. Data within their accuracy of the stored ones stay as they are stored. `--check`
+prints the same and writes nothing.
 """
 
 import argparse
@@ -21,7 +22,9 @@ from typing import Any
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent.parent), str(HERE), str(HERE.parent)]
 
-os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as in the processes of users: commands set it before they import numpy
+os.environ["OPENBLAS_NUM_THREADS"] = (
+    "1"  # as in the processes of users: commands set it before they import numpy
+)
 
 from commands import GROUPS, STORED, Group  # noqa: E402
 from stored import data_differences, layout, text_differences  # noqa: E402
@@ -31,7 +34,9 @@ OUTPUTS = HERE / "outputs"
 
 
 def present(group: Group) -> dict[str, Any] | None:
-    """Make the outputs of a group, texts and data by name; None if it needs data that are not there."""
+    """Make the outputs of a group, texts and data by name; None if it needs data that are not
+    there.
+    """
     with workplace() as place:
         if group.shared and not place.shared:
             return None
@@ -39,7 +44,9 @@ def present(group: Group) -> dict[str, Any] | None:
         for line in filter(None, group.lines.splitlines()):
             for name, content in _outputs(place, line):
                 if content is not None:
-                    found[name] = found.get(name, "") + content if isinstance(content, str) else content
+                    found[name] = (
+                        found.get(name, "") + content if isinstance(content, str) else content
+                    )
         return found
 
 
@@ -64,11 +71,16 @@ def _outputs(place: Workplace, line: str) -> Iterator[tuple[str, Any]]:
 def _named(place: Workplace, file: str) -> tuple[str, Any]:
     """Name of a stored output, and the content of its file."""
     content, name = place.content(Path(file)), file.replace("/", "-")
-    return f"{name}{'.txt' if isinstance(content, str) else '' if name.endswith('.json') else '.json'}", content
+    return (
+        f"{name}{'.txt' if isinstance(content, str) else '' if name.endswith('.json') else '.json'}",
+        content,
+    )
 
 
 def differences(name: str, *, write: bool) -> list[str]:
-    """Compare the present outputs of a group with the stored ones, and store them if wanted; what differs."""
+    """Compare the present outputs of a group with the stored ones, and store them if wanted;
+    what differs.
+    """
     group, folder = GROUPS[name], OUTPUTS / name
     now = present(group)
     if now is None:
@@ -81,8 +93,13 @@ def differences(name: str, *, write: bool) -> list[str]:
         elif file not in before:
             changes = ["is new"]
         elif file.endswith(".json"):
-            # What is read again from its text is what was stored: a tuple is a list, a key is a text.
-            changes = list(data_differences(json.loads(before[file]), json.loads(layout(now[file])), group.accuracy))
+            # What is read again from its text is what was stored: a tuple is a list, a key is a
+            # text.
+            changes = list(
+                data_differences(
+                    json.loads(before[file]), json.loads(layout(now[file])), group.accuracy
+                )
+            )
         else:
             changes = list(text_differences(before[file], now[file]))
         if changes:
@@ -98,11 +115,15 @@ def _store(path: Path, content: Any) -> None:
         path.unlink()
         return
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(content if isinstance(content, str) else f"{layout(content)}\n", encoding="utf-8")
+    path.write_text(
+        content if isinstance(content, str) else f"{layout(content)}\n", encoding="utf-8"
+    )
 
 
 def keep_version() -> None:
-    """Store a result folder and a trial of the present version, to be opened again by later ones."""
+    """Store a result folder and a trial of the present version, to be opened again by later
+    ones.
+    """
     from winchcascade import __version__
 
     folder = KEPT / __version__
@@ -122,9 +143,15 @@ def keep_version() -> None:
 def main() -> int:
     """Record or compare the groups that are named; the exit code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
-    parser.add_argument("--only", nargs="+", choices=list(GROUPS), metavar="GROUP", help=f"Of {', '.join(GROUPS)}.")
+    parser.add_argument(
+        "--only", nargs="+", choices=list(GROUPS), metavar="GROUP", help=f"Of {', '.join(GROUPS)}."
+    )
     parser.add_argument("--check", action="store_true", help="Compare, and write nothing.")
-    parser.add_argument("--keep-version", action="store_true", help="Store results and a trial of the present version.")
+    parser.add_argument(
+        "--keep-version",
+        action="store_true",
+        help="Store results and a trial of the present version.",
+    )
     options = parser.parse_args()
     if options.keep_version:
         keep_version()
@@ -138,7 +165,9 @@ def main() -> int:
         print("\n".join(found))
         if options.check:
             again = " ".join(options.only or GROUPS)
-            print(f"\nIf every difference is meant: python tests/reference/record.py --only {again}")
+            print(
+                f"\nIf every difference is meant: python tests/reference/record.py --only {again}"
+            )
     return 1 if found and options.check else 0
 
 

@@ -1,4 +1,6 @@
-"""Contents as they are stored: numbers rounded, long lists thinned, sentences left out; and how two contents differ."""
+"""Contents as they are stored: numbers rounded, long lists thinned, sentences left out; and how
+two contents differ.
+"""
 
 import difflib
 import json
@@ -13,7 +15,9 @@ MANY = 2
 """More records or rows than this are stored column by column."""
 
 WORDS = 3
-"""A text of more words than this is a sentence, which is stored as `SENTENCE`: wording is no part of the contract."""
+"""A text of more words than this is a sentence, which is stored as `SENTENCE`: wording is no
+part of the contract.
+"""
 
 SENTENCE = "(text)"
 
@@ -21,7 +25,9 @@ WIDE = 200
 """A record that fits into a line of this length is not broken. [characters]"""
 
 NUMBERS = "numbers: sum, size, some"
-"""What a digest of numbers holds: their sum, that of their magnitudes, and the first, the middle and the last one."""
+"""What a digest of numbers holds: their sum, that of their magnitudes, and the first, the middle
+and the last one.
+"""
 
 DIGITS = 11
 """Significant digits of stored numbers."""
@@ -42,7 +48,9 @@ def thin(value: Any) -> Any:
     """
     if isinstance(value, Mapping):
         parts = list(value.values())
-        if len(parts) > MANY and all(isinstance(part, Mapping) and part.keys() == parts[0].keys() for part in parts):
+        if len(parts) > MANY and all(
+            isinstance(part, Mapping) and part.keys() == parts[0].keys() for part in parts
+        ):
             return {"of": [str(key) for key in value], **_thin_list(parts)}
         return {str(key): thin(part) for key, part in value.items()}
     if isinstance(value, list | tuple):
@@ -60,11 +68,17 @@ def _thin_list(values: list[Any]) -> Any:
     absent = values.count(None)
     if len(records) > MANY and len(records) + absent == len(values):
         names = list(dict.fromkeys(name for record in records for name in record))
-        columns = {str(name): thin([record[name] for record in records if name in record]) for name in names}
+        columns = {
+            str(name): thin([record[name] for record in records if name in record])
+            for name in names
+        }
         return {"records": len(records), **columns}
     if len(rows) > MANY and len(rows) + absent == len(values):
         width = max(map(len, rows))
-        return [f"{len(rows)} rows", *(thin([row[k] for row in rows if k < len(row)]) for k in range(width))]
+        return [
+            f"{len(rows)} rows",
+            *(thin([row[k] for row in rows if k < len(row)]) for k in range(width)),
+        ]
     found = [thin(part) for part in values]
     if any(isinstance(part, dict | list) for part in found):
         return found
@@ -89,12 +103,19 @@ def layout(value: Any, indent: str = "") -> str:
         return line
     inner = f"{indent} "
     if isinstance(value, dict):
-        parts = [f"{json.dumps(key, ensure_ascii=False)}: {layout(part, inner)}" for key, part in value.items()]
+        parts = [
+            f"{json.dumps(key, ensure_ascii=False)}: {layout(part, inner)}"
+            for key, part in value.items()
+        ]
     else:
         parts = [layout(part, inner) for part in value]
     lines: list[str] = []
     for part in parts:
-        if lines and "\n" not in lines[-1] + part and len(indent) + len(lines[-1]) + len(part) + 3 <= WIDE:
+        if (
+            lines
+            and "\n" not in lines[-1] + part
+            and len(indent) + len(lines[-1]) + len(part) + 3 <= WIDE
+        ):
             lines[-1] += f", {part}"
         else:
             lines.append(part)
@@ -117,7 +138,12 @@ def data_differences(stored: Any, present: Any, accuracy: float, place: str = ""
         digest = bool(stored) and isinstance(stored[0], str) and NUMBERS in stored[0]
         for k, (one, other) in enumerate(zip(stored, present, strict=True)):
             # A sum about zero is as certain as its terms are.
-            if not (digest and k == 1 and stored[0] == present[0] and abs(one - other) <= accuracy * stored[2]):
+            if not (
+                digest
+                and k == 1
+                and stored[0] == present[0]
+                and abs(one - other) <= accuracy * stored[2]
+            ):
                 yield from data_differences(one, other, accuracy, f"{place}[{k}]")
     elif not _same(stored, present, accuracy):
         texts = [json.dumps(value, ensure_ascii=False)[:WIDE] for value in (stored, present)]
@@ -130,10 +156,16 @@ def _same(one: Any, other: Any, accuracy: float) -> bool:
     >>> _same(1.0, 1.0 + 1e-10, 1e-9), _same(1.0, 1.0 + 1e-8, 1e-9), _same(True, 1, 1e-9)
     (True, False, False)
     """
-    numbers = [value for value in (one, other) if isinstance(value, int | float) and not isinstance(value, bool)]
+    numbers = [
+        value
+        for value in (one, other)
+        if isinstance(value, int | float) and not isinstance(value, bool)
+    ]
     if len(numbers) < 2:
         return type(one) is type(other) and bool(one == other)
-    return math.isclose(*numbers, rel_tol=accuracy, abs_tol=NOTHING) or all(map(math.isnan, numbers))
+    return math.isclose(*numbers, rel_tol=accuracy, abs_tol=NOTHING) or all(
+        map(math.isnan, numbers)
+    )
 
 
 def text_differences(stored: str, present: str) -> Iterator[str]:

@@ -31,8 +31,20 @@ KEPT = Path(__file__).parent / "versions"
 """Results and trials that earlier versions made, one folder for each version."""
 
 KITE = "kitepower-2019-10-08"
-ENVIRONMENT = {"SOURCE_DATE_EPOCH": "1767225600", "TERM": "dumb", "NO_COLOR": "1", "LANG": "C.UTF-8"}
-UNWANTED = ("COLUMNS", "TERMINAL_WIDTH", "FORCE_COLOR", "GITHUB_ACTIONS", "PY_COLORS", "_TYPER_FORCE_DISABLE_TERMINAL")
+ENVIRONMENT = {
+    "SOURCE_DATE_EPOCH": "1767225600",
+    "TERM": "dumb",
+    "NO_COLOR": "1",
+    "LANG": "C.UTF-8",
+}
+UNWANTED = (
+    "COLUMNS",
+    "TERMINAL_WIDTH",
+    "FORCE_COLOR",
+    "GITHUB_ACTIONS",
+    "PY_COLORS",
+    "_TYPER_FORCE_DISABLE_TERMINAL",
+)
 """Variables that change how lines are laid out."""
 
 PATIENCE = 1200
@@ -42,7 +54,8 @@ _DIGEST = re.compile(r"\b[0-9a-f]{64}\b")
 
 
 class Workplace:
-    """A folder that holds copies of the logs under relative names; the present folder while it is open.
+    """A folder that holds copies of the logs under relative names; the present folder while it is
+    open.
 
     `shared` is whether the data beside the project exist.
     """
@@ -58,7 +71,9 @@ class Workplace:
             f"{running}, {platform.platform()}": "Python <version>, <platform>",
             running: "Python <version>",
             f"numpy {numpy.__version__}": "numpy <version>",
-            **{f"\n{package} {version(package)}": f"\n{package} <version>" for package in MATTERING},
+            **{
+                f"\n{package} {version(package)}": f"\n{package} <version>" for package in MATTERING
+            },
         }
 
     def lay_out(self) -> None:
@@ -89,7 +104,9 @@ class Workplace:
         return code, self.plain(out + (f"--- stderr\n{err}" if err else ""))
 
     def content(self, path: Path) -> Any:
-        """Give the content of a file that a command wrote: a text, or thinned data; None where it wrote none."""
+        """Give the content of a file that a command wrote: a text, or thinned data; None where
+        it wrote none.
+        """
         if not path.is_file():
             return None
         found = CONTENTS[path.suffix](path)
@@ -106,7 +123,9 @@ class Workplace:
         """Replace what differs between machines: folders, versions, digests of computed content."""
         for differing, same in self._differing.items():
             text = text.replace(differing, same)
-        text = re.sub(rf"(winchcascade[ /-]|version: ){re.escape(__version__)}\b", r"\1<version>", text)
+        text = re.sub(
+            rf"(winchcascade[ /-]|version: ){re.escape(__version__)}\b", r"\1<version>", text
+        )
         return _DIGEST.sub(lambda found: f"<{self._inputs.get(found[0], 'digest')}>", text)
 
 

@@ -1,4 +1,6 @@
-"""Every kind of page that commands write, each made once from logs, campaigns and rigs of any names and titles."""
+"""Every kind of page that commands write, each made once from logs, campaigns and rigs of any
+names and titles.
+"""
 
 from __future__ import annotations
 
@@ -57,10 +59,13 @@ COMMANDS: dict[str, str] = {
     "simulate": "simulate|{odd}r36ohm.csv|--load-ohm|36|--out|simulated.csv",
     "compare": "compare|campaign|other|--max-drop|0.01|--jobs|1",
     "diagnosis": "diagnose|planted|--jobs|1|" + "|".join(f"--suspect|{name}" for name in SUSPECTS),
-    "nothing found": "diagnose|nothing|--jobs|1|" + "|".join(f"--suspect|{name}" for name in SUSPECTS),
+    "nothing found": "diagnose|nothing|--jobs|1|"
+    + "|".join(f"--suspect|{name}" for name in SUSPECTS),
     "line": "diagnose|kite|--jobs|1",
 }
-"""Commands by the kind of their page, words parted by bars; `{odd}` is how the names of logs begin."""
+"""Commands by the kind of their page, words parted by bars; `{odd}` is how the names of logs
+begin.
+"""
 
 SLOW = {
     "physics",
@@ -82,8 +87,12 @@ class Made(NamedTuple):
     page: str
 
 
-def made(kind: str, folder: Path, *, odd: str = "", title: str = "A campaign of two loads") -> list[Made]:
-    """Call the command of a kind in an empty folder; the pages that it wrote, in the order in which it made them."""
+def made(
+    kind: str, folder: Path, *, odd: str = "", title: str = "A campaign of two loads"
+) -> list[Made]:
+    """Call the command of a kind in an empty folder; the pages that it wrote, in the order in
+    which it made them.
+    """
     _write_inputs(kind, folder, odd, title)
     found: list[Made] = []
     usual = page_module.page_text
@@ -128,7 +137,9 @@ def _write_inputs(kind: str, folder: Path, odd: str, title: str) -> None:
     if "kite" in words:
         (folder / "kite").mkdir()
         shutil.copy(KITE / "ground_station_cycles_01_43.csv", folder / "kite" / f"{odd}kite.csv")
-        _write_list(folder / "kite", title, f"file = '{odd}kite.csv'\ncycles = [1, 20]", rig="kitepower")
+        _write_list(
+            folder / "kite", title, f"file = '{odd}kite.csv'\ncycles = [1, 20]", rig="kitepower"
+        )
 
 
 def _write_campaign(folder: Path, odd: str, title: str) -> None:
@@ -136,12 +147,19 @@ def _write_campaign(folder: Path, odd: str, title: str) -> None:
     folder.mkdir()
     for name in LOADS:
         text = (CAMPAIGN / f"{name}.csv").read_text(encoding="utf-8")
-        (folder / f"{odd}{name}.csv").write_text(worn(text) if folder.name == "other" else text, encoding="utf-8")
-    runs = [f"file = '{odd}{name}.csv'\nload_ohm = {load}\nwindow_s = 5.48" for name, load in LOADS.items()]
+        (folder / f"{odd}{name}.csv").write_text(
+            worn(text) if folder.name == "other" else text, encoding="utf-8"
+        )
+    runs = [
+        f"file = '{odd}{name}.csv'\nload_ohm = {load}\nwindow_s = 5.48"
+        for name, load in LOADS.items()
+    ]
     _write_list(folder, title, *runs)
 
 
 def _write_list(folder: Path, title: str, *runs: str, rig: str = "hsu2026") -> None:
     """Write a campaign.toml; the title stands between three quotes, which it must not hold."""
     entries = "".join(f"[[run]]\n{run}\n" for run in runs)
-    (folder / "campaign.toml").write_text(f"title = '''{title}'''\nrig = \"{rig}\"\n{entries}", encoding="utf-8")
+    (folder / "campaign.toml").write_text(
+        f"title = '''{title}'''\nrig = \"{rig}\"\n{entries}", encoding="utf-8"
+    )

@@ -9,7 +9,11 @@ from winchcascade.reduction.efficiency import FIELDS
 
 
 def run(
-    name: str, load: float | None = None, eta: float | None = None, u: float | None = None, **more: Any
+    name: str,
+    load: float | None = None,
+    eta: float | None = None,
+    u: float | None = None,
+    **more: Any,
 ) -> LogSummary:
     """A log of a summary that knows its efficiency, and a power that is the same for all."""
     nothing: dict[str, Any] = dict.fromkeys(FIELDS.values())

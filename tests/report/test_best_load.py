@@ -1,4 +1,6 @@
-"""Loads are compared at one motion: the plateau speed stands beside them, and a best load is claimed only if it is the same."""
+"""Loads are compared at one motion: the plateau speed stands beside them, and a best load is
+claimed only if it is the same.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,14 @@ from calls import call
 from winchcascade.reduction.campaign_record import campaign_from, rank_loads
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
-LOADS = {"r45ohm": 45.0, "r36ohm": 36.0, "r27ohm": 27.0, "r18ohm": 18.0, "r9ohm": 9.0, "r4p5ohm": 4.5}
+LOADS = {
+    "r45ohm": 45.0,
+    "r36ohm": 36.0,
+    "r27ohm": 27.0,
+    "r18ohm": 18.0,
+    "r9ohm": 9.0,
+    "r4p5ohm": 4.5,
+}
 ROUNDED = 1e-12
 
 
@@ -25,10 +34,14 @@ def batched(folder: Path, names: Mapping[str, float]) -> dict[str, Any]:
     for name, load in names.items():
         shutil.copy(CAMPAIGN / f"{name}.csv", folder)
         runs += f'[[run]]\nfile = "{name}.csv"\nload_ohm = {load}\nwindow_s = 5.0\n'
-    (folder / "campaign.toml").write_text(f'title = "Loads"\nrig = "hsu2026"\n{runs}', encoding="utf-8")
+    (folder / "campaign.toml").write_text(
+        f'title = "Loads"\nrig = "hsu2026"\n{runs}', encoding="utf-8"
+    )
     called = call("batch", folder, "--out", folder / "out", "--reports", "none", "--jobs", "1")
     assert called.code == 0, called.err
-    record: dict[str, Any] = json.loads((folder / "out" / "campaign.json").read_text(encoding="utf-8"))
+    record: dict[str, Any] = json.loads(
+        (folder / "out" / "campaign.json").read_text(encoding="utf-8")
+    )
     return record
 
 
@@ -65,7 +78,13 @@ def test_the_best_of_loads_at_one_speed_is_claimed(tmp_path: Path) -> None:
 
 def test_the_speeds_may_differ_by_five_percent(tmp_path: Path) -> None:
     record = batched(tmp_path, {name: LOADS[name] for name in ("r36ohm", "r18ohm")})
-    for speed, claimed in ((0.82, True), (0.819, False), (0.9, True), (0.905, False), (None, False)):
+    for speed, claimed in (
+        (0.82, True),
+        (0.819, False),
+        (0.9, True),
+        (0.905, False),
+        (None, False),
+    ):
         for run, its in zip(record["runs"], (0.861, speed), strict=True):
             run["plateau_speed_mps"] = its
         ranking = rank_loads(campaign_from(record).reduced)

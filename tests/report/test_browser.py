@@ -1,4 +1,6 @@
-"""Every page in a real browser: no error, no request, nothing cut or covered, nothing that keeps a reader out."""
+"""Every page in a real browser: no error, no request, nothing cut or covered, nothing that keeps
+a reader out.
+"""
 
 import os
 import shutil
@@ -12,9 +14,16 @@ from every_report import COMMANDS, KITE, made
 from pypdf import PdfReader
 
 CHROMIUM = next(
-    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
+    (
+        path
+        for name in ("chromium", "chromium-browser", "google-chrome")
+        if (path := shutil.which(name))
+    ),
+    None,
 )
-if "WINCHCASCADE_BROWSER" not in os.environ:  # set by `make test-browser`, which alone runs these tests
+if (
+    "WINCHCASCADE_BROWSER" not in os.environ
+):  # set by `make test-browser`, which alone runs these tests
     pytest.skip("run by make test-browser", allow_module_level=True)
 
 from axe_playwright_python.sync_playwright import Axe  # noqa: E402
@@ -27,14 +36,18 @@ SCREENS: dict[str, dict[str, Any]] = {
     "print": {"viewport": {"width": 718, "height": 1000}, "media": "print"},
     "phone": {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True},
 }
-"""Screens, and the width of an A4 page without its margins. A page is opened anew on a phone alone."""
+"""Screens, and the width of an A4 page without its margins. A page is opened anew on a phone
+alone.
+"""
 
 ONLY_FAULTS = {"resultTypes": ["violations"]}
 AXE: dict[str, dict[str, Any]] = {
     "desktop": ONLY_FAULTS,
     "dark": ONLY_FAULTS | {"runOnly": ["color-contrast"]},
     "phone": ONLY_FAULTS
-    | {"runOnly": ["target-size", "scrollable-region-focusable", "meta-viewport", "color-contrast"]},
+    | {
+        "runOnly": ["target-size", "scrollable-region-focusable", "meta-viewport", "color-contrast"]
+    },
 }
 """Screens on which rules of accessibility are tried, with those that are."""
 
@@ -52,7 +65,9 @@ COVERED = """() => [...document.querySelectorAll("svg")].flatMap((svg) => {
     Math.min(a.right, b.right) - Math.max(a.left, b.left) > 2 && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 4
   ).map(([other]) => `${svg.closest("figure")?.id}: ${text} / ${other}`));
 })"""
-"""Labels of figures that lie over one another by more than the space about their letters. [pixels]"""
+"""Labels of figures that lie over one another by more than the space about their letters.
+[pixels]
+"""
 
 OPEN_ALL = 'document.querySelectorAll("details").forEach((one) => { one.open = true; })'
 
@@ -121,15 +136,21 @@ def test_a_page_makes_no_error_cuts_and_covers_nothing_and_keeps_nobody_out(
             for screen in (first, *others):
                 as_shown = SCREENS[screen]
                 tab.set_viewport_size(as_shown["viewport"])
-                tab.emulate_media(media=as_shown.get("media"), color_scheme=as_shown.get("color_scheme"))
-                found |= {(page.name, screen, name): one for name, one in faults(tab, screen).items()}
+                tab.emulate_media(
+                    media=as_shown.get("media"), color_scheme=as_shown.get("color_scheme")
+                )
+                found |= {
+                    (page.name, screen, name): one for name, one in faults(tab, screen).items()
+                }
             found |= {(page.name, first, "said"): said, (page.name, first, "asked"): asked}
             tab.context.close()
     assert {where: one for where, one in found.items() if one} == {}
 
 
 @pytest.mark.parametrize("kind", ["log", "diagnosis", "line"])
-def test_what_is_open_has_room_on_a_few_screens(browser: Any, pages: Callable[[str], list[Path]], kind: str) -> None:
+def test_what_is_open_has_room_on_a_few_screens(
+    browser: Any, pages: Callable[[str], list[Path]], kind: str
+) -> None:
     (page,) = pages(kind)
     tab, _, _ = opened(browser, page, "desktop")
     screens = tab.evaluate("document.documentElement.scrollHeight / window.innerHeight")
@@ -147,7 +168,9 @@ def test_the_first_screen_of_a_diagnosis_holds_verdict_tiles_and_waterfall(
     assert [box["y"] + box["height"] <= 768 for box in boxes] == [True, True]
 
 
-def test_the_warning_stands_on_every_printed_page(browser: Any, fixtures: Path, tmp_path: Path) -> None:
+def test_the_warning_stands_on_every_printed_page(
+    browser: Any, fixtures: Path, tmp_path: Path
+) -> None:
     call("reduce", fixtures / "campaign" / "r36ohm.csv", "--html", tmp_path / "page.html")
     tab, _, _ = opened(browser, tmp_path / "page.html", "desktop")
     tab.pdf(path=tmp_path / "printed.pdf", format="A4", print_background=True)
@@ -169,7 +192,11 @@ def test_time_histories_get_the_width_of_the_page_and_read_out(
         widths = [plots.nth(k).bounding_box()["width"] for k in range(plots.count())]
         width = tab.locator(".histories").first.bounding_box()["width"]
         tab.locator(".u-over").first.hover()
-        read = [value for value in tab.locator(".u-value").all_text_contents() if value not in ("", "--")]
+        read = [
+            value
+            for value in tab.locator(".u-value").all_text_contents()
+            if value not in ("", "--")
+        ]
         tab.context.close()
         assert said == [], kind
         assert widths == pytest.approx([width] * len(widths), abs=1.0)

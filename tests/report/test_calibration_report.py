@@ -22,7 +22,9 @@ def calibration() -> Calibration:
 
 def changed(name: str, **fields: float) -> Calibration:
     """The calibration with another number."""
-    numbers = tuple(msgspec.structs.replace(n, **fields) if n.name == name else n for n in calibration().numbers)
+    numbers = tuple(
+        msgspec.structs.replace(n, **fields) if n.name == name else n for n in calibration().numbers
+    )
     return msgspec.structs.replace(calibration(), numbers=numbers)
 
 
@@ -43,12 +45,21 @@ def test_every_number_stands_beside_that_of_the_rig_file_with_its_interval() -> 
         assert row["found"] == Measured(number.value, number.u)
         assert row["rig file"] == Measured(number.before, number.u)
         assert row["95 % interval"] == (number.low, number.high, number.u)
-    assert [tile.name for tile in calibration_report(calibration()).tiles] == ["k_e", "mu_screw", "b_rotor"]
+    assert [tile.name for tile in calibration_report(calibration()).tiles] == [
+        "k_e",
+        "mu_screw",
+        "b_rotor",
+    ]
 
 
 @pytest.mark.parametrize(
     ("lag", "u_lag", "part"),
-    [(0.120, 0.003, "120 ms late"), (-0.050, 0.003, "50 ms early"), (0.120, 0.050, ""), (0.004, 0.001, "")],
+    [
+        (0.120, 0.003, "120 ms late"),
+        (-0.050, 0.003, "50 ms early"),
+        (0.120, 0.050, ""),
+        (0.004, 0.001, ""),
+    ],
 )
 def test_a_lag_is_a_finding_where_it_is_beyond_doubt(lag: float, u_lag: float, part: str) -> None:
     late = msgspec.structs.replace(calibration().regression, lag=lag, u_lag=u_lag)
@@ -64,7 +75,9 @@ def test_without_convergence_only_the_regression_is_a_result() -> None:
 
 
 def test_the_page_has_the_figures_of_damper_screw_and_back_emf(tmp_path: Path) -> None:
-    page = write_report(changed("mu_screw", value=-0.01), tmp_path / "a.html").read_text(encoding="utf-8")
+    page = write_report(changed("mu_screw", value=-0.01), tmp_path / "a.html").read_text(
+        encoding="utf-8"
+    )
     assert 'id="figure-model-emf"' in page
     assert 'id="figure-model-damper"' in page
 
@@ -73,5 +86,9 @@ def test_a_number_that_the_rig_file_did_not_have_has_no_value_before() -> None:
     unknown = changed("k_e", before=float("nan"), u_before=float("inf"))
     number = msgspec.json.decode(json_bytes(calibration_record(unknown)))["numbers"][0]
     assert (number["before"], number["u_before"]) == (None, None)
-    (found,) = [b for b in calibration_report(unknown).blocks if isinstance(b, Table) and b.id == "calibrated-numbers"]
+    (found,) = [
+        b
+        for b in calibration_report(unknown).blocks
+        if isinstance(b, Table) and b.id == "calibrated-numbers"
+    ]
     assert found.texts[0][1] == "-"

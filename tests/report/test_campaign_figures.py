@@ -1,4 +1,6 @@
-"""Figures of a campaign of many logs: each load once in the legend, nothing beyond the edges, nothing over another."""
+"""Figures of a campaign of many logs: each load once in the legend, nothing beyond the edges,
+nothing over another.
+"""
 
 import itertools
 
@@ -44,13 +46,22 @@ def test_no_text_lies_over_another(kind: str) -> None:
 
 
 def test_the_line_over_the_loads_goes_through_the_mean_of_each() -> None:
-    runs = [run("a", 30.0, 0.7, 0.01), run("b", 15.0, 0.6, 0.01), run("c", 30.0, 0.8, 0.01), run("d", 15.0, None, None)]
+    runs = [
+        run("a", 30.0, 0.7, 0.01),
+        run("b", 15.0, 0.6, 0.01),
+        run("c", 30.0, 0.8, 0.01),
+        run("d", 15.0, None, None),
+    ]
     assert repeated(runs)
     assert not repeated(runs[:2])
     with house_style():
         figure = over_load(runs)
         assert figure is not None
-        means = [line for line in figure.axes[1].lines if line.get_linestyle() == "-" and len(line.get_xdata()) == 2]  # type: ignore[arg-type]
+        means = [
+            line
+            for line in figure.axes[1].lines
+            if line.get_linestyle() == "-" and len(line.get_xdata()) == 2  # type: ignore[arg-type]
+        ]
     (line,) = means
     assert list(line.get_xdata()) == [15.0, 30.0]  # type: ignore[arg-type]
     assert list(line.get_ydata()) == pytest.approx([0.6, 0.75])  # type: ignore[arg-type]

@@ -19,17 +19,27 @@ NASTY = 'a<b>&"c"\x1b[31m,50%:\n].csv'
 def measured(load: float, name: str, factor: float = 1.0) -> Measured:
     row = TABLE.row(load)
     assert row is not None
-    mean = {metric: factor * cell.value for metric, cell in row.cells.items() if metric != "load_ohm"}
+    mean = {
+        metric: factor * cell.value for metric, cell in row.cells.items() if metric != "load_ohm"
+    }
     values: dict[str, float | None] = {"load": load, **mean}
-    return Measured(name, name, values, dict.fromkeys(mean, 1.0), {m: 0.001 * v for m, v in mean.items()})
+    return Measured(
+        name, name, values, dict.fromkeys(mean, 1.0), {m: 0.001 * v for m, v in mean.items()}
+    )
 
 
 @pytest.fixture
 def found() -> Check:
-    """One log that agrees, one that is 10 % off, one that measured nothing at the shaft, and rows without a run."""
+    """One log that agrees, one that is 10 % off, one that measured nothing at the shaft, and
+    rows without a run.
+    """
     blind = measured(27.0, "blind.csv")
     values = {metric: None if "mech" in metric else value for metric, value in blind.values.items()}
-    results = [measured(45.0, "good.csv"), measured(36.0, NASTY, 1.1), Measured("blind.csv", "blind.csv", values)]
+    results = [
+        measured(45.0, "good.csv"),
+        measured(36.0, NASTY, 1.1),
+        Measured("blind.csv", "blind.csv", values),
+    ]
     return check(results, TABLE)
 
 
@@ -40,7 +50,9 @@ def frames(report: Report) -> dict[str, pd.DataFrame]:
 def test_what_a_cell_allows_is_the_sum_of_its_parts(found: Check) -> None:
     cells = frames(check_report(found))["cells"].dropna(subset=["found"])
     assert len(cells) == 25
-    assert (cells[["rounding", "deviation", "2 u"]].sum(axis=1) - cells["allowed"]).abs().max() < 1e-9
+    assert (
+        cells[["rounding", "deviation", "2 u"]].sum(axis=1) - cells["allowed"]
+    ).abs().max() < 1e-9
 
 
 def test_a_report_lists_the_cells_that_do_not_agree_first_and_counts_them(found: Check) -> None:
@@ -65,7 +77,11 @@ def test_junit_has_a_case_for_every_cell_and_a_failure_for_every_miss(found: Che
 
 def test_annotations_point_at_the_cell_in_the_table_file(found: Check) -> None:
     lines = Path(TABLE.path).read_text().splitlines()
-    errors = [line for line in github_annotations(found, TABLE.path).splitlines() if line.startswith("::error")]
+    errors = [
+        line
+        for line in github_annotations(found, TABLE.path).splitlines()
+        if line.startswith("::error")
+    ]
     assert len(errors) == len(found.misses)
     for line, cell in zip(errors, found.misses, strict=True):
         match = re.fullmatch(r"::error file=(.*),line=(\d+),title=([^,:]*)::(.*)", line)
@@ -84,16 +100,33 @@ def test_an_annotation_escapes_what_would_end_it(found: Check) -> None:
 def test_findings_of_a_log_are_beside_its_cells_wherever_a_check_is_shown() -> None:
     words = [f"stuck: torque holds {k} N.m, 100% of::it\n" for k in range(7)]
     good, bad = measured(45.0, "good.csv"), measured(36.0, "bad.csv")
-    found = check([good, msgspec.structs.replace(bad, findings=tuple(words))], TABLE, whole_campaign=False)
+    found = check(
+        [good, msgspec.structs.replace(bad, findings=tuple(words))], TABLE, whole_campaign=False
+    )
     listed = frames(check_report(found))["findings"]
     assert list(listed.iloc[:, 0]) == ["36 ohm"] * 7
     root = ElementTree.fromstring(junit_xml(found))
-    with_output = [case.get("classname") for case in root.iter("testcase") if case.find("system-out") is not None]
+    with_output = [
+        case.get("classname")
+        for case in root.iter("testcase")
+        if case.find("system-out") is not None
+    ]
     assert set(with_output) == {"hsu2026-table2.36_ohm"}
     assert len(with_output) == 9
-    (warning,) = [line for line in github_annotations(found, TABLE.path).splitlines() if line.startswith("::warning")]
-    match = re.fullmatch(r"::warning file=.*,line=(\d+),title=36 ohm findings::findings in this log: 7%0A(.*)", warning)
+    (warning,) = [
+        line
+        for line in github_annotations(found, TABLE.path).splitlines()
+        if line.startswith("::warning")
+    ]
+    match = re.fullmatch(
+        r"::warning file=.*,line=(\d+),title=36 ohm findings::findings in this log: 7%0A(.*)",
+        warning,
+    )
     assert match is not None
-    assert "load_ohm = 36" in "".join(Path(TABLE.path).read_text().splitlines()[int(match[1]) - 1 : int(match[1]) + 1])
+    assert "load_ohm = 36" in "".join(
+        Path(TABLE.path).read_text().splitlines()[int(match[1]) - 1 : int(match[1]) + 1]
+    )
     assert "100%25 of" in match[2]
-    assert check_record(found)["findings"] == [{"load_ohm": 36.0, "open_circuit": False, "findings": words}]
+    assert check_record(found)["findings"] == [
+        {"load_ohm": 36.0, "open_circuit": False, "findings": words}
+    ]

@@ -36,7 +36,9 @@ def results(campaign: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class Corrected(NamedTuple):
-    """The corrected rig file, the exported model in both formats, and what the commands printed: a text, and JSON alone."""
+    """The corrected rig file, the exported model in both formats, and what the commands printed:
+    a text, and JSON alone.
+    """
 
     rig: Path
     model: Path
@@ -51,7 +53,9 @@ def corrected(campaign: Path, tmp_path_factory: pytest.TempPathFactory) -> Corre
     out = tmp_path_factory.mktemp("corrected")
     rig, model, matlab = out / "corrected.toml", out / "model.json", out / "model.mat"
     text = winchcascade("diagnose", campaign, "--write", rig, "--export", model, *FEW)
-    alone = winchcascade("diagnose", campaign / "campaign.toml", "--export", matlab, "--json", "-", *FEW)
+    alone = winchcascade(
+        "diagnose", campaign / "campaign.toml", "--export", matlab, "--json", "-", *FEW
+    )
     assert (text.returncode, alone.returncode) == (0, 0)
     return Corrected(rig, model, matlab, text.stdout, alone.stdout)
 
@@ -89,7 +93,9 @@ def test_the_corrected_rig_leaves_no_gap_and_is_accepted_by_other_commands(
     assert change.low is not None
     assert change.high is not None
     assert change.low <= 0.4 <= change.high
-    again = winchcascade("diagnose", campaign, "--rig", corrected.rig, "--write", tmp_path / "again.toml", *FEW)
+    again = winchcascade(
+        "diagnose", campaign, "--rig", corrected.rig, "--write", tmp_path / "again.toml", *FEW
+    )
     assert "no gap" in again.stdout
     assert "no corrected rig file, as no named cause belongs in it" in again.stdout
     assert not (tmp_path / "again.toml").exists()
@@ -97,17 +103,32 @@ def test_the_corrected_rig_leaves_no_gap_and_is_accepted_by_other_commands(
     log = campaign / "r4p5ohm.csv"
     assert winchcascade("simulate", log, "--load-ohm", "4.5", "--out", as_given).returncode == 0
     assert (
-        winchcascade("simulate", log, "--load-ohm", "4.5", "--rig", corrected.rig, "--out", simulated).returncode == 0
+        winchcascade(
+            "simulate", log, "--load-ohm", "4.5", "--rig", corrected.rig, "--out", simulated
+        ).returncode
+        == 0
     )
-    logged, given, found = (read_run(path, load=4.5).channels["vdc"] for path in (log, as_given, simulated))
+    logged, given, found = (
+        read_run(path, load=4.5).channels["vdc"] for path in (log, as_given, simulated)
+    )
     assert abs(found - logged).mean() < 0.1 * abs(given - logged).mean()
     page = tmp_path / "r4p5ohm.html"
-    assert winchcascade("reduce", log, "--load-ohm", "4.5", "--rig", corrected.rig, "--html", page).returncode == 0
-    assert "copper_heating" in page.read_text(encoding="utf-8")  # the model that the log is compared with includes it
+    assert (
+        winchcascade(
+            "reduce", log, "--load-ohm", "4.5", "--rig", corrected.rig, "--html", page
+        ).returncode
+        == 0
+    )
+    assert "copper_heating" in page.read_text(
+        encoding="utf-8"
+    )  # the model that the log is compared with includes it
 
 
 def test_the_corrected_model_is_exported_for_python_and_matlab(corrected: Corrected) -> None:
-    record, model = json.loads(corrected.model.read_bytes()), loadmat(corrected.matlab, simplify_cells=True)["model"]
+    record, model = (
+        json.loads(corrected.model.read_bytes()),
+        loadmat(corrected.matlab, simplify_cells=True)["model"],
+    )
     assert record["schema"] == model["schema"] == "winchcascade/model/1"
     resistance = record["generator"]["r_s"]
     assert resistance["value"] == pytest.approx(1.4 * resistance["as_given"], rel=0.03)
@@ -116,17 +137,26 @@ def test_the_corrected_model_is_exported_for_python_and_matlab(corrected: Correc
     assert record["generator"]["k_e"]["value"] == pytest.approx(0.062 * 30.0 / 3.141592653589793)
     assert record["back_emf"]["share"] == [1.0] * 81
     assert model["back_emf"]["stator_current_a"].tolist() == record["back_emf"]["stator_current_a"]
-    assert record["winch"]["friction"] == {"value": 0.0, "unit": "N.m", "as_given": 0.0, "source": "absent"}
+    assert record["winch"]["friction"] == {
+        "value": 0.0,
+        "unit": "N.m",
+        "as_given": 0.0,
+        "source": "absent",
+    }
     assert record["sensors"]["electrical_lag"] == 0.0
 
 
-def test_an_export_of_another_format_is_rejected_before_any_work(campaign: Path, tmp_path: Path) -> None:
+def test_an_export_of_another_format_is_rejected_before_any_work(
+    campaign: Path, tmp_path: Path
+) -> None:
     assert "expected a name that ends in .json or .mat" in one_sentence(
         "diagnose", campaign, "--export", tmp_path / "model.slx"
     )
 
 
-def test_a_rig_file_that_the_tool_did_not_write_is_not_replaced(campaign: Path, tmp_path: Path) -> None:
+def test_a_rig_file_that_the_tool_did_not_write_is_not_replaced(
+    campaign: Path, tmp_path: Path
+) -> None:
     own = tmp_path / "own.toml"
     own.write_text('name = "own"\n', encoding="utf-8")
     assert "--force" in one_sentence("diagnose", campaign, "--write", own)
@@ -137,7 +167,9 @@ def test_an_unknown_load_is_rejected_with_those_there_are(campaign: Path) -> Non
 
 
 def test_every_load_withheld_is_rejected(campaign: Path) -> None:
-    assert "at least one" in one_sentence("diagnose", campaign, "--withhold", "18", "--withhold", "4.50")
+    assert "at least one" in one_sentence(
+        "diagnose", campaign, "--withhold", "18", "--withhold", "4.50"
+    )
 
 
 def test_a_folder_without_a_campaign_is_rejected(tmp_path: Path) -> None:
@@ -150,7 +182,9 @@ def test_a_run_without_a_load_is_rejected(fixtures: Path, tmp_path: Path) -> Non
     assert "has no load" in one_sentence("diagnose", tmp_path)
 
 
-def test_a_file_of_somebody_else_is_rejected_before_the_work(campaign: Path, tmp_path: Path) -> None:
+def test_a_file_of_somebody_else_is_rejected_before_the_work(
+    campaign: Path, tmp_path: Path
+) -> None:
     theirs = tmp_path / "theirs.html"
     theirs.write_text("<p>ours</p>")
     assert "was not written by winchcascade" in one_sentence("diagnose", campaign, "--html", theirs)
@@ -160,7 +194,9 @@ def test_a_file_of_somebody_else_is_rejected_before_the_work(campaign: Path, tmp
 def test_a_prediction_never_replaces_a_log_of_somebody_else(campaign: Path, tmp_path: Path) -> None:
     (tmp_path / "after").mkdir()
     (tmp_path / "after" / "r18ohm.csv").write_text("t,v\n0,0\n")
-    assert "was not written by winchcascade" in one_sentence("diagnose", campaign, "--predictions", tmp_path)
+    assert "was not written by winchcascade" in one_sentence(
+        "diagnose", campaign, "--predictions", tmp_path
+    )
 
 
 def test_predictions_of_two_logs_of_one_name_are_rejected(campaign: Path, tmp_path: Path) -> None:
@@ -170,13 +206,17 @@ def test_predictions_of_two_logs_of_one_name_are_rejected(campaign: Path, tmp_pa
         shutil.copy(campaign / "r18ohm.csv", tmp_path / day / "run.csv")
         lines.append(f'[[run]]\nfile = "{day}/run.csv"\nload_ohm = 18')
     (tmp_path / "campaign.toml").write_text("\n".join(lines))
-    assert "would be predicted in one file" in one_sentence("diagnose", tmp_path, "--predictions", tmp_path / "out")
+    assert "would be predicted in one file" in one_sentence(
+        "diagnose", tmp_path, "--predictions", tmp_path / "out"
+    )
     assert not (tmp_path / "out").exists()
 
 
 def test_predictions_into_a_file_are_rejected(campaign: Path, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    assert "the folder cannot be made" in one_sentence("diagnose", campaign, "--predictions", tmp_path / "file")
+    assert "the folder cannot be made" in one_sentence(
+        "diagnose", campaign, "--predictions", tmp_path / "file"
+    )
 
 
 def test_an_input_is_never_replaced(campaign: Path) -> None:
@@ -203,8 +243,12 @@ def test_an_effect_that_alone_is_suspected_is_the_only_one_that_is_named(
     assert not unit.exists()
     done = winchcascade(*call, "--force")
     assert done.returncode == 0, done.stderr
-    assert earlier.read_bytes() != corrected.matlab.read_bytes()  # replaced, as the tool had written it
+    assert (
+        earlier.read_bytes() != corrected.matlab.read_bytes()
+    )  # replaced, as the tool had written it
     record = json.loads(done.stdout)
     assert record["verdict"] == "unexplained"
     assert {cause["effect"] for cause in record["causes"]} <= {"ke_rolloff"}
-    assert "effect 'rolloff' is not in the catalogue" in one_sentence("diagnose", campaign, "--suspect", "rolloff")
+    assert "effect 'rolloff' is not in the catalogue" in one_sentence(
+        "diagnose", campaign, "--suspect", "rolloff"
+    )

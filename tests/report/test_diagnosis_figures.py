@@ -69,7 +69,7 @@ def test_errors_are_those_of_the_blocks_and_smaller_after_the_causes(name: str, 
         assert np.std(lines[1]) < 0.5 * np.std(lines[0])
 
 
-# ------------------------------------------------------------------------------------------------------------ the causes
+# ------------------------------------------------------------------------------------- the causes
 def test_the_waterfall_is_that_of_the_load_with_the_largest_gap_and_ends_at_the_log() -> None:
     found = diagnosed("copper")
     figure, worst = waterfall_figure(found, "log"), worst_costs(found)
@@ -98,17 +98,23 @@ def test_the_numbers_run_by_run_are_those_of_the_result() -> None:
     assert stability_figure(diagnosed("nothing")) is None
 
 
-# ------------------------------------------------------------------------------------------------------------- the cycle
+# -------------------------------------------------------------------------------------- the cycle
 @pytest.mark.parametrize(("name", "curves"), [("copper", 3), ("nothing", 2)])
 def test_page_and_print_get_every_channel_of_the_cycle(name: str, curves: int) -> None:
     found = diagnosed(name)
     item = largest_gap(found, block_table(found))
     assert item is not None
     record: dict[str, Any] = json.loads(history_json(cycle_history(found, item, "log")))
-    assert len(record["rows"]) == len(history_figure(cycle_history(found, item, "log")).axes) == len(CHANNELS)
+    assert (
+        len(record["rows"])
+        == len(history_figure(cycle_history(found, item, "log")).axes)
+        == len(CHANNELS)
+    )
     for k, (channel, row) in enumerate(zip(CHANNELS, record["rows"], strict=True)):
         assert len(row["series"]) == curves
         for one, side in zip(row["series"], item.sides, strict=True):
-            np.testing.assert_allclose(one["values"], side[:, k] * COMPARED[channel], rtol=1e-5, atol=1e-9)
+            np.testing.assert_allclose(
+                one["values"], side[:, k] * COMPARED[channel], rtol=1e-5, atol=1e-9
+            )
     np.testing.assert_allclose(record["t"], item.t, atol=1e-4)
     assert record["spans"] == [{"from": 0.0, "to": item.payout_end, "colour": "payout"}]

@@ -1,4 +1,6 @@
-"""A diagnosis in words: every number of the catalogue has a name, digits as they are known, names of what is stated."""
+"""A diagnosis in words: every number of the catalogue has a name, digits as they are known,
+names of what is stated.
+"""
 
 from typing import Any
 
@@ -10,7 +12,13 @@ from winchcascade.core.campaign_file import Origin
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alternative, Experiment, Reported
 from winchcascade.diagnosis.fit.nuisances import ABSENT, Nuisance
-from winchcascade.report.diagnosis_names import LAWS, display_of, nuisance_words, number_words, word_of
+from winchcascade.report.diagnosis_names import (
+    LAWS,
+    display_of,
+    nuisance_words,
+    number_words,
+    word_of,
+)
 from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.report.results.diagnosis_words import (
     action_of,
@@ -47,7 +55,12 @@ def test_a_number_of_no_effect_of_the_catalogue_is_shown_by_its_own_name_and_uni
 def test_a_number_has_the_digits_that_its_interval_allows(
     low: float, value: float, high: float, texts: tuple[str, str]
 ) -> None:
-    assert number_words(display_of("copper_heating", "r_s_change"), Reported(value, low, high, "relative")) == texts
+    assert (
+        number_words(
+            display_of("copper_heating", "r_s_change"), Reported(value, low, high, "relative")
+        )
+        == texts
+    )
 
 
 def test_a_number_that_is_no_change_has_no_sign() -> None:
@@ -65,14 +78,20 @@ def test_the_record_holds_the_stages_beside_the_map() -> None:
     }  # fmt: skip
     assert all(set(row) == fields for row in rows)
     worst = max(rows, key=lambda row: abs(row["z"]))
-    assert (worst["stage"], worst["channel"], worst["inputs"]) == ("gearbox", "torque", ["velocity", "vdc", "idc"])
+    assert (worst["stage"], worst["channel"], worst["inputs"]) == (
+        "gearbox",
+        "torque",
+        ["velocity", "vdc", "idc"],
+    )
 
 
 def test_the_first_screen_names_the_effects_that_the_logs_do_not_distinguish_from_a_cause() -> None:
     found = diagnosed("copper")
     (cause,) = found.causes
     alike = msgspec.structs.replace(cause, look_alikes=(Alternative("line_drag", 0.3, None),))
-    named = ["line_drag" in certainty_words(changed(found, causes=(one,))) for one in (cause, alike)]
+    named = [
+        "line_drag" in certainty_words(changed(found, causes=(one,))) for one in (cause, alike)
+    ]
     assert named == [False, True]
 
 
@@ -100,7 +119,10 @@ def test_what_to_do_follows_from_kind_look_alikes_next_run_and_verdict() -> None
 
 
 def test_a_law_that_the_rig_file_does_not_state_has_a_name_of_its_own() -> None:
-    laws = [Nuisance(name, unit, kind="law", sd=sd, section=part) for (part, name), (sd, _, unit) in ABSENT.items()]
+    laws = [
+        Nuisance(name, unit, kind="law", sd=sd, section=part)
+        for (part, name), (sd, _, unit) in ABSENT.items()
+    ]
     assert {str(law) for law in laws} == set(LAWS)
     assert "_" not in " ".join(nuisance_words(law, []) for law in laws)
 
@@ -114,4 +136,9 @@ def test_logs_are_called_measured_where_that_is_stated_of_all_whatever_the_title
         ((Origin(), Origin()), "log"),
     ):
         given = zip(found.runs, origins, strict=True)
-        assert word_of(changed(found, runs=tuple(msgspec.structs.replace(r, origin=o) for r, o in given))) == word
+        assert (
+            word_of(
+                changed(found, runs=tuple(msgspec.structs.replace(r, origin=o) for r, o in given))
+            )
+            == word
+        )

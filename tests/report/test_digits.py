@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 from winchcascade.report.content import Measured, number_text, places, shown
 
 ROUNDING = 0.0503
-"""Half of the last digit over u is largest where u is rounded up to a power of ten: 0.05 / 0.995."""
+"""Half of the last digit over u is largest where u is rounded up to a power of ten: 0.05 /
+0.995.
+"""
 
 FLOAT = 1e-14
 """What a float of 16 digits and its decimal text may differ by, relatively."""
@@ -36,7 +38,10 @@ def test_a_stated_value_differs_from_the_value_by_a_twentieth_of_its_uncertainty
 @example(0.00295)
 @example(1000.0)
 def test_an_uncertainty_has_two_digits_and_ends_where_its_value_does(u: float) -> None:
-    value, own = (Decimal(text).scaleb(places(u)) for text in shown(Measured(3.0 * u, u, both=True)).split(" +- "))
+    value, own = (
+        Decimal(text).scaleb(places(u))
+        for text in shown(Measured(3.0 * u, u, both=True)).split(" +- ")
+    )
     assert [value, own] == [value.to_integral_value(), own.to_integral_value()]
     assert 10 <= own <= 99
 
@@ -55,7 +60,12 @@ def test_what_rounds_to_zero_has_no_minus(share: float, decimals: int) -> None:
 
 @pytest.mark.parametrize("value", [None, math.nan])
 def test_what_does_not_exist_is_a_dash(value: float | None) -> None:
-    assert {number_text(value, 2), number_text(value), shown(Measured(value, 0.1)), shown(value)} == {"-"}
+    assert {
+        number_text(value, 2),
+        number_text(value),
+        shown(Measured(value, 0.1)),
+        shown(value),
+    } == {"-"}
 
 
 @pytest.mark.parametrize("u", [None, 0.0, math.nan])
@@ -64,6 +74,8 @@ def test_without_an_uncertainty_a_value_has_the_decimals_of_its_column(u: float 
 
 
 @given(st.floats(1e-4, 1e7), st.booleans())
-def test_four_significant_digits_keep_the_value_to_half_of_the_last(size: float, negative: bool) -> None:
+def test_four_significant_digits_keep_the_value_to_half_of_the_last(
+    size: float, negative: bool
+) -> None:
     value = -size if negative else size
     assert float(number_text(value)) == pytest.approx(value, rel=0.5e-3)

@@ -1,4 +1,6 @@
-"""The report of one log: what its summary says, where its numbers come from, and what is rejected before any work."""
+"""The report of one log: what its summary says, where its numbers come from, and what is
+rejected before any work.
+"""
 
 import hashlib
 import math
@@ -41,11 +43,18 @@ def report(clean: Result) -> Report:
 
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> Report:
-    """An open circuit with the columns that only simulations have, with one's own rig file, made at a given time."""
+    """An open circuit with the columns that only simulations have, with one's own rig file, made
+    at a given time.
+    """
     folder = tmp_path_factory.mktemp("simulated")
     head, *rows = (FIXTURES / "campaign" / "open_circuit.csv").read_text().splitlines()
     log, rig_file = folder / "made.csv", folder / "my rig.toml"
-    log.write_text("\n".join([",".join([head, *SIMULATED_HEADERS]), *(f"{row},3000.0,1.0,2.0" for row in rows)]) + "\n")
+    log.write_text(
+        "\n".join(
+            [",".join([head, *SIMULATED_HEADERS]), *(f"{row},3000.0,1.0,2.0" for row in rows)]
+        )
+        + "\n"
+    )
     rig_file.write_text(OWN)
     rig = load_rig(rig_file)
     reduction = reduce(read_run(log, rig=rig, load=math.inf), rig=rig)
@@ -55,14 +64,18 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Report:
 
 
 def provenance(report: Report) -> dict[str, str]:
-    (table,) = (block for block in report.blocks if isinstance(block, Table) and block.id == "provenance")
+    (table,) = (
+        block for block in report.blocks if isinstance(block, Table) and block.id == "provenance"
+    )
     return {row[0]: row[1] for row in table.texts}
 
 
-# ------------------------------------------------------------------------------------------------------ the summary
+# ------------------------------------------------------------------------------------ the summary
 
 
-def test_the_tiles_show_the_efficiencies_with_their_intervals(clean: Result, report: Report) -> None:
+def test_the_tiles_show_the_efficiencies_with_their_intervals(
+    clean: Result, report: Report
+) -> None:
     reduction, found = clean
     assert [tile.name for tile in report.tiles] == ["eta_trans", "eta_gen", "eta_pto"]
     for tile in report.tiles:
@@ -78,7 +91,7 @@ def test_a_simulated_log_is_said_to_be_simulated_before_all_else(simulated: Repo
     assert simulated.banner
 
 
-# --------------------------------------------------------------------------------------------------- the provenance
+# --------------------------------------------------------------------------------- the provenance
 def test_the_provenance_names_log_command_and_version(report: Report) -> None:
     rows = provenance(report)
     assert rows["Log"] == str(CLEAN)
@@ -93,10 +106,13 @@ def test_the_provenance_holds_the_digest_of_ones_own_rig_file(simulated: Report)
     rows = provenance(simulated)
     assert rows["SHA-256 of the rig file"] == hashlib.sha256(OWN.encode()).hexdigest()
     assert rows["Rig"].startswith("mine (")
-    assert (rows["Source of the rig's numbers"], rows["What the rig is"]) == ("the workshop", "My winch")
+    assert (rows["Source of the rig's numbers"], rows["What the rig is"]) == (
+        "the workshop",
+        "My winch",
+    )
 
 
-# --------------------------------------------------------------------------------------------------- the command line
+# ------------------------------------------------------------------------------- the command line
 def command(
     *arguments: str | Path | bytes, cwd: Path | None = None, **environment: str
 ) -> subprocess.CompletedProcess[str]:
@@ -126,7 +142,9 @@ def rejected(log: Path, *arguments: str | Path) -> str:
 def test_two_spellings_of_one_name_are_rejected(log: Path) -> None:
     inside = log.parent / "inside"
     inside.mkdir()
-    assert "both name" in rejected(log, "--html", log.parent / "report", "--pdf", inside / ".." / "report")
+    assert "both name" in rejected(
+        log, "--html", log.parent / "report", "--pdf", inside / ".." / "report"
+    )
 
 
 @pytest.mark.parametrize("option", ["--html", "--pdf"])
@@ -134,7 +152,9 @@ def test_the_log_is_never_replaced_by_its_report(log: Path, option: str) -> None
     assert "is an input of this command" in rejected(log, option, log, "--force")
 
 
-@pytest.mark.parametrize(("name", "says"), [("", "is a folder"), ("no such folder/report", "does not exist")])
+@pytest.mark.parametrize(
+    ("name", "says"), [("", "is a folder"), ("no such folder/report", "does not exist")]
+)
 def test_a_place_that_no_report_can_have_is_reported(log: Path, name: str, says: str) -> None:
     for option in ("--html", "--pdf"):
         assert says in rejected(log, option, log.parent / name)

@@ -35,7 +35,9 @@ Result = tuple[Reduction, Uncertainty]
 @pytest.fixture(scope="module")
 def results() -> dict[str, Result]:
     reductions = {
-        name: reduce(read_run(FIXTURES / log, load=float("inf") if name == "open circuit" else None))
+        name: reduce(
+            read_run(FIXTURES / log, load=float("inf") if name == "open circuit" else None)
+        )
         for name, log in LOGS.items()
     }
     return {name: (reduction, uncertainty(reduction)) for name, reduction in reductions.items()}
@@ -56,7 +58,9 @@ def test_histories_draw_every_channel_with_its_peaks(results: dict[str, Result],
     run, powers = reduction.run, powers_of(reduction)
     figure = time_histories(reduction)
     in_si = {name: factor for name, _, _, factor in PANELS}
-    wanted = [[run.channels[name] * in_si[name]] for name in in_si if name in run.channels] + [[*powers.values()]]
+    wanted = [[run.channels[name] * in_si[name]] for name in in_si if name in run.channels] + [
+        [*powers.values()]
+    ]
     assert set(run.channels) <= set(in_si)
     for ax, signals in zip(figure.axes, wanted, strict=True):
         for line, x in zip(ax.lines, signals, strict=True):
@@ -75,10 +79,14 @@ def edges(ax: Axes) -> dict[float, str]:
 
 
 @pytest.mark.parametrize("log", LOGS)
-def test_windows_of_all_cycles_are_marked_incomplete_ones_otherwise(results: dict[str, Result], log: str) -> None:
+def test_windows_of_all_cycles_are_marked_incomplete_ones_otherwise(
+    results: dict[str, Result], log: str
+) -> None:
     reduction, _ = results[log]
     found = edges(time_histories(reduction).axes[0])
-    assert sorted(found) == sorted(e for c in reduction.cycles for e in (c.window.onset, c.window.cutoff))
+    assert sorted(found) == sorted(
+        e for c in reduction.cycles for e in (c.window.onset, c.window.cutoff)
+    )
     patterns = {
         complete: {found[c.window.onset] for c in reduction.cycles if c.complete is complete}
         for complete in (True, False)
@@ -134,23 +142,35 @@ def test_means_of_powers_and_of_the_current_are_drawn_over_the_speed(clean: Resu
     figure = figures.power_streams(reduction, powers_of(reduction))
     assert figure is not None
     (means,) = (line for line in figure.axes[1].lines if line.get_label() == r"$P_\mathrm{gen}$")
-    assert np.asarray(means.get_ydata()).tolist() == pytest.approx([b.mean["gen"] for b in reduction.bins])
+    assert np.asarray(means.get_ydata()).tolist() == pytest.approx(
+        [b.mean["gen"] for b in reduction.bins]
+    )
     middle = [0.5 * (b.rpm_low + b.rpm_high) for b in reduction.bins]
     current = figure.axes[2].lines[-1]
-    assert np.asarray(means.get_xdata()).tolist() == np.asarray(current.get_xdata()).tolist() == pytest.approx(middle)
+    assert (
+        np.asarray(means.get_xdata()).tolist()
+        == np.asarray(current.get_xdata()).tolist()
+        == pytest.approx(middle)
+    )
     loaded = np.asarray(current.get_ydata())[5:]
-    expected = [np.sqrt(power / 36.0) for b in reduction.bins[5:] if (power := b.mean["gen"]) is not None]
+    expected = [
+        np.sqrt(power / 36.0) for b in reduction.bins[5:] if (power := b.mean["gen"]) is not None
+    ]
     assert loaded.tolist() == pytest.approx(expected, rel=0.03)  # I = sqrt(P / R)
 
 
 @pytest.mark.parametrize("ends", [(0.0, 3.5e7), (25.0001, 25.0002), (0.0, 3e-7)])
-def test_numbers_of_an_axis_are_in_full_and_leave_the_place_of_the_title_alone(ends: tuple[float, float]) -> None:
+def test_numbers_of_an_axis_are_in_full_and_leave_the_place_of_the_title_alone(
+    ends: tuple[float, float],
+) -> None:
     with house_style():
         figure, (ax,) = panel_figure(2.0)
         ax.plot(ends)
         label_panel(ax, "a", "Pressure", unit="Pa")
     drawn(figure)
-    shown = [float(label.get_text().replace("\N{MINUS SIGN}", "-")) for label in ax.get_yticklabels()]
+    shown = [
+        float(label.get_text().replace("\N{MINUS SIGN}", "-")) for label in ax.get_yticklabels()
+    ]
     assert shown == pytest.approx(ax.get_yticks().tolist(), abs=1e-9)
     assert ax.yaxis.get_offset_text().get_text() == ""
 

@@ -1,4 +1,6 @@
-"""Figures and tables of a report as files: each once, all or none, never over a file from elsewhere."""
+"""Figures and tables of a report as files: each once, all or none, never over a file from
+elsewhere.
+"""
 
 import shutil
 import subprocess
@@ -10,7 +12,14 @@ from pypdf import PdfReader
 
 from winchcascade.core.errors import OutputError
 from winchcascade.report.content import Column, Measured, Picture, Report, Table, section
-from winchcascade.report.figures.style import WIDTH, house_style, label_panel, legend_above, line_entry, panel_figure
+from winchcascade.report.figures.style import (
+    WIDTH,
+    house_style,
+    label_panel,
+    legend_above,
+    line_entry,
+    panel_figure,
+)
 from winchcascade.report.render.folders import latex, latex_text, write_figures, write_tables
 
 NAME, ENERGY, SHARE = "η_pto of {a_b} & c", 7114.9, 0.123456789
@@ -36,7 +45,11 @@ def _report() -> Report:
         ax.plot([1.0, 2.0], [3.0, 4.0])
         label_panel(ax, "a", "Power", x="Load (Ω)", y="Power (W)")
         legend_above(figure, [line_entry(f"entry {k}") for k in range(3)])
-    return Report("kind", "Title", sections=[section("s", "S", TABLE, Picture("loads", "Powers.", "A plot.", figure))])
+    return Report(
+        "kind",
+        "Title",
+        sections=[section("s", "S", TABLE, Picture("loads", "Powers.", "A plot.", figure))],
+    )
 
 
 def test_a_figure_is_written_once_in_three_formats(report: Report, tmp_path: Path) -> None:
@@ -52,7 +65,9 @@ def test_a_figure_is_written_once_in_three_formats(report: Report, tmp_path: Pat
     assert {path.name: path.read_bytes() for path in (tmp_path / "new").iterdir()} == written
 
 
-def test_a_table_in_a_file_has_all_rows_with_numbers_in_full(report: Report, tmp_path: Path) -> None:
+def test_a_table_in_a_file_has_all_rows_with_numbers_in_full(
+    report: Report, tmp_path: Path
+) -> None:
     write_tables(report, tmp_path, "log")
     assert {path.suffix for path in tmp_path.iterdir()} == {".csv", ".tex", ".md"}
     found = pd.read_csv(tmp_path / "log_energies.csv")
@@ -72,11 +87,15 @@ def test_special_characters_are_escaped(report: Report, tmp_path: Path) -> None:
 def test_a_table_for_latex_is_typeset(tmp_path: Path) -> None:
     page = rf"\documentclass{{article}}\usepackage{{booktabs}}\begin{{document}}{latex_text(TABLE)}\end{{document}}"
     (tmp_path / "page.tex").write_text(page, encoding="utf-8")
-    subprocess.run(["pdflatex", "-halt-on-error", "page.tex"], cwd=tmp_path, check=True, capture_output=True)
+    subprocess.run(
+        ["pdflatex", "-halt-on-error", "page.tex"], cwd=tmp_path, check=True, capture_output=True
+    )
 
 
 @pytest.mark.parametrize("write", [write_figures, write_tables])
-def test_a_file_from_elsewhere_is_never_replaced_without_force(report: Report, tmp_path: Path, write: object) -> None:
+def test_a_file_from_elsewhere_is_never_replaced_without_force(
+    report: Report, tmp_path: Path, write: object
+) -> None:
     assert callable(write)
     write(report, tmp_path, "log")
     names = sorted(path.name for path in tmp_path.iterdir())

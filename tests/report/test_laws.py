@@ -1,4 +1,6 @@
-"""Laws of every report: it is well laid out everywhere, escapes what it names, and states each number once."""
+"""Laws of every report: it is well laid out everywhere, escapes what it names, and states each
+number once.
+"""
 
 from __future__ import annotations
 
@@ -32,10 +34,13 @@ ODD = 'a <b>log<i> & "q" {{ 7*7 }} #x $y$ *z* '
 """How the names of logs begin."""
 
 TITLE = (
-    '<b>bold</b> <script>alert(1)</script> & &amp; "double" {{ 7*7 }} {% raw %} {# no #} #let x = 1 $x^2$ *star* '
+    '<b>bold</b> <script>alert(1)</script> & &amp; "double" {{ 7*7 }} {% raw %} {# no #} #let x = '
+    "1 $x^2$ *star* "
     "_low_ @ref `code` </style> --> ]]> ${1} https://example.org/ 測試 <img src=x onerror=alert(1)>"
 )
-"""What a page, a template or a typesetter might take for something else than the title of a campaign."""
+"""What a page, a template or a typesetter might take for something else than the title of a
+campaign.
+"""
 
 WIDTHS = (60, 80, 100)
 """Columns of terminals."""
@@ -71,7 +76,10 @@ def tables(report: Report) -> list[Table[object]]:
 
 
 def pictures(report: Report) -> list[Picture]:
-    return [*([report.lead] if report.lead else []), *(b for b in report.blocks if isinstance(b, Picture))]
+    return [
+        *([report.lead] if report.lead else []),
+        *(b for b in report.blocks if isinstance(b, Picture)),
+    ]
 
 
 def texts(report: Report) -> Iterator[str]:
@@ -86,16 +94,20 @@ def texts(report: Report) -> Iterator[str]:
         yield from (table.caption, table.note, *(text for row in table.texts for text in row))
     for picture in pictures(report):
         yield from (picture.caption, picture.alt)
-        yield from (text.get_text() for text in picture.figure.findobj(Text) if isinstance(text, Text))
+        yield from (
+            text.get_text() for text in picture.figure.findobj(Text) if isinstance(text, Text)
+        )
 
 
-# ------------------------------------------------------------------------------------------------------------- the page
+# --------------------------------------------------------------------------------------- the page
 def test_a_page_is_well_formed_and_asks_for_nothing(pages: list[Made]) -> None:
     for report, page in pages:
         read = PageReader(page)
         assert page.startswith("<!doctype html>")
         assert read.faults == [], report.kind
-        assert {name: n for name, n in Counter(read.values("id")).items() if n > 1} == {}, report.kind
+        assert {name: n for name, n in Counter(read.values("id")).items() if n > 1} == {}, (
+            report.kind
+        )
         assert read.dangling() == set(), report.kind
         assert read.requests() == [], report.kind
 
@@ -112,23 +124,33 @@ def test_a_name_from_a_file_is_a_text_wherever_it_stands(pages: list[Made]) -> N
 
 
 def squeezed(text: str) -> str:
-    """A text without what a line break, a low-set letter, or a break within a long word may change."""
+    """A text without what a line break, a low-set letter, or a break within a long word may
+    change.
+    """
     return re.sub(r"[\s_\u200b]", "", typeset(text))
 
 
 def test_every_cell_of_every_table_is_in_the_page(pages: list[Made]) -> None:
     for report, page in pages:
         found = re.findall(r"<t[hd][ >].*?</t[hd]>", page, re.DOTALL)
-        shown = Counter(squeezed("".join(text for _, text in PageReader(cell).texts)) for cell in found)
+        shown = Counter(
+            squeezed("".join(text for _, text in PageReader(cell).texts)) for cell in found
+        )
         for table in tables(report):
             count, rows = len(table.items), table.texts
             wanted = Counter(
-                squeezed(cell) for row in [*table.shortened(rows[:count]), *rows[count:]] for cell in row if cell
+                squeezed(cell)
+                for row in [*table.shortened(rows[:count]), *rows[count:]]
+                for cell in row
+                if cell
             )
-            assert not {cell: n for cell, n in wanted.items() if shown[cell] < n}, (report.kind, table.id)
+            assert not {cell: n for cell, n in wanted.items() if shown[cell] < n}, (
+                report.kind,
+                table.id,
+            )
 
 
-# ------------------------------------------------------------------------------------------- terminal, PDF and the files
+# -------------------------------------------------------------------- terminal, PDF and the files
 def test_no_line_is_longer_than_the_terminal(pages: list[Made]) -> None:
     for report, _ in pages:
         for width in WIDTHS:
@@ -148,7 +170,10 @@ def test_a_pdf_states_every_cell_and_every_caption(pages: list[Made]) -> None:
         read = [page.extract_text() for page in content.pages]
         whole = squeezed("".join(read))
         for table in tables(report):
-            rows = [*table.shortened(table.texts[: len(table.items)]), *table.texts[len(table.items) :]]
+            rows = [
+                *table.shortened(table.texts[: len(table.items)]),
+                *table.texts[len(table.items) :],
+            ]
             absent = [
                 cell
                 for row in rows
@@ -169,19 +194,24 @@ def test_files_hold_the_numbers_in_full(pages: list[Made], tmp_path: Path) -> No
             assert len(again.columns) == len(frame.columns)
             for (_, mine), (_, theirs) in zip(frame.items(), again.items(), strict=True):
                 if pd.api.types.is_float_dtype(mine):
-                    assert theirs.to_numpy(float) == pytest.approx(mine.to_numpy(float), nan_ok=True)
+                    assert theirs.to_numpy(float) == pytest.approx(
+                        mine.to_numpy(float), nan_ok=True
+                    )
 
 
-# ----------------------------------------------------------------------------------------------------------- the content
+# ------------------------------------------------------------------------------------ the content
 def test_no_text_holds_a_minus_zero_or_a_value_of_the_language(pages: list[Made]) -> None:
     wrong = re.compile(
-        r"(?<![\w.)])[-\u2212]0(\.0+)?(?![\w.])|\bnan\b|\bNone\b(?! of| in|\.)|\bNaN\b|[\[(]'|Measured\(|Span\("
+        r"(?<![\w.)])[-\u2212]0(\.0+)?(?![\w.])|\bnan\b|\bNone\b(?! of| "
+        r"in|\.)|\bNaN\b|[\[(]'|Measured\(|Span\("
     )
     for report, _ in pages:
         assert [text for text in texts(report) if wrong.search(text)] == [], report.kind
 
 
-def test_every_block_has_a_name_of_its_own_a_caption_and_words_for_its_drawing(pages: list[Made]) -> None:
+def test_every_block_has_a_name_of_its_own_a_caption_and_words_for_its_drawing(
+    pages: list[Made],
+) -> None:
     for report, _ in pages:
         blocks: list[Table[object] | Picture] = [*tables(report), *pictures(report)]
         assert max(Counter(block.id for block in blocks).values(), default=1) == 1, report.kind
@@ -201,7 +231,11 @@ def test_no_quantity_has_two_numbers_on_a_page(pages: list[Made]) -> None:
     for report, _ in pages:
         for quantity, shown in stated(report).items():
             first, *others = shown
-            assert [other for other in others if not agree(first, other)] == [], (report.kind, quantity, dict(shown))
+            assert [other for other in others if not agree(first, other)] == [], (
+                report.kind,
+                quantity,
+                dict(shown),
+            )
 
 
 def agree(one: str, other: str) -> bool:
@@ -209,15 +243,19 @@ def agree(one: str, other: str) -> bool:
     pairs = [[Decimal(number) for number in NUMBER.findall(text)] for text in (one, other)]
     if len(pairs[0]) != len(pairs[1]):
         return False
-    ends = [max(int(a.as_tuple().exponent), int(b.as_tuple().exponent)) for a, b in zip(*pairs, strict=True)]
+    ends = [
+        max(int(a.as_tuple().exponent), int(b.as_tuple().exponent))
+        for a, b in zip(*pairs, strict=True)
+    ]
     return all(round(a, -end) == round(b, -end) for a, b, end in zip(*pairs, ends, strict=True))
 
 
 def stated(report: Report) -> dict[tuple[str, ...], dict[str, list[str]]]:
     """What a report states of each quantity, texts with the tables that hold them.
 
-    A quantity is its row, its column and its unit, and the metric in the name of the table: the mean of `eta_pto` in a table
-    of means is that in the last row of a table of cycles. Rows of one table with the same label are several things.
+    A quantity is its row, its column and its unit, and the metric in the name of the table: the
+    mean of `eta_pto` in a table of means is that in the last row of a table of cycles. Rows of one
+    table with the same label are several things.
     """
     found: dict[tuple[str, ...], dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
     for table in tables(report):
@@ -236,7 +274,9 @@ def stated(report: Report) -> dict[tuple[str, ...], dict[str, list[str]]]:
 
 
 def _label(row: list[str], table: Table[object]) -> tuple[str, tuple[int, ...]]:
-    """What a row is about: the texts before its first number, a count of cycles apart; and their columns."""
+    """What a row is about: the texts before its first number, a count of cycles apart; and their
+    columns.
+    """
     k = 1
     while k < len(row) and table.left[k]:
         k += 1

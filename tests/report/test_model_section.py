@@ -1,4 +1,6 @@
-"""Log and simulation in the reports: what is drawn and in the tables are the numbers of the comparison."""
+"""Log and simulation in the reports: what is drawn and in the tables are the numbers of the
+comparison.
+"""
 
 import json
 import shutil
@@ -64,10 +66,22 @@ def test_the_budget_table_sums_to_the_energy_of_the_line(sections: dict[str, Sec
         shown = table(section, "loss-budget")
         *parts, whole = shown.cells
         for k in (1, 2):
-            assert sum(float(str(row[k])) for row in parts) == pytest.approx(float(str(whole[k])), rel=1e-3)
+            assert sum(float(str(row[k])) for row in parts) == pytest.approx(
+                float(str(whole[k])), rel=1e-3
+            )
         assert whole[2] == pytest.approx(100.0)
         names = [row[0] for row in parts]
-        wanted = ["stored gas", "screw", "line losses", "inertia", "mesh", "damper", "copper", "diodes", "DC link"]
+        wanted = [
+            "stored gas",
+            "screw",
+            "line losses",
+            "inertia",
+            "mesh",
+            "damper",
+            "copper",
+            "diodes",
+            "DC link",
+        ]
         assert set(wanted) <= set(names)
 
 
@@ -90,12 +104,18 @@ def test_what_a_log_lacks_is_neither_drawn_nor_reported(missing: str) -> None:
     assert ("model-losses" in names) == (missing not in ("torque", "vdc"))
 
 
-def test_log_is_a_line_and_simulation_markers_of_another_colour(found: dict[str, Account], style: None) -> None:
+def test_log_is_a_line_and_simulation_markers_of_another_colour(
+    found: dict[str, Account], style: None
+) -> None:
     curves = found["18 ohm"].curves
-    figure = figures.panels([figures.Drawn("", curves)], PANELS["model-generator"], word="measured", rated=2000.0)
+    figure = figures.panels(
+        [figures.Drawn("", curves)], PANELS["model-generator"], word="measured", rated=2000.0
+    )
     assert figure is not None
     for name, ax in zip(PANELS["model-generator"], figure.axes, strict=True):
-        lines = [line for line in ax.lines if len(np.asarray(line.get_xdata())) == len(curves[name].x)]
+        lines = [
+            line for line in ax.lines if len(np.asarray(line.get_xdata())) == len(curves[name].x)
+        ]
         log, simulated = lines
         assert (log.get_linestyle(), log.get_marker()) == ("-", "None")
         assert (simulated.get_linestyle(), simulated.get_marker()) == ("None", "o")
@@ -112,7 +132,9 @@ def test_bars_hold_seven_segments_at_most_and_sum_to_the_energy_of_the_line(
     budgets = [b for name in LOGS if (b := found[name].budget) is not None]
     segments = figures.segments_of(budgets)
     assert len(segments) == figures.SEGMENTS
-    assert [sum(column) for column in zip(*segments.values(), strict=True)] == pytest.approx([100.0] * len(budgets))
+    assert [sum(column) for column in zip(*segments.values(), strict=True)] == pytest.approx(
+        [100.0] * len(budgets)
+    )
     (ax,) = figures.budget_bars(list(LOGS), budgets, word="log").axes
     bars = [bar for bar in ax.patches if isinstance(bar, Rectangle)]
     assert max(bar.get_x() + bar.get_width() for bar in bars) == pytest.approx(100.0, abs=0.1)
@@ -126,7 +148,12 @@ def test_bars_hold_seven_segments_at_most_and_sum_to_the_energy_of_the_line(
 def batch(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A batch with pages of two loads, an open circuit, and a log of which no load is known."""
     folder = tmp_path_factory.mktemp("campaign")
-    runs = {"open_circuit.csv": "inf", "r18ohm.csv": "18.0", "r4p5ohm.csv": "4.5", "r45ohm.csv": None}
+    runs = {
+        "open_circuit.csv": "inf",
+        "r18ohm.csv": "18.0",
+        "r4p5ohm.csv": "4.5",
+        "r45ohm.csv": None,
+    }
     text = 'title = "Trials"\nmeasured = true\n'
     for name, load in runs.items():
         shutil.copy(FIXTURES / "campaign" / name, folder)
@@ -151,7 +178,9 @@ def modules_after(*arguments: str) -> set[str]:
         "try:\n    main()\nexcept SystemExit:\n    pass\n"
         "sys.stderr.write('\\nMODULES ' + ' '.join(sys.modules))\n"
     )
-    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True
+    )
     return set(done.stderr.split("MODULES ")[1].split())
 
 

@@ -1,4 +1,6 @@
-"""The page: safe whatever a log calls itself, small enough for a log of hours, in the colours of its theme."""
+"""The page: safe whatever a log calls itself, small enough for a log of hours, in the colours of
+its theme.
+"""
 
 import json
 import re
@@ -30,8 +32,10 @@ MAX_BYTES = 2_000_000
 """A page that can still be sent by mail."""
 
 WORDS = (
-    "<b>bold</b> <script>alert(1)</script> & &amp; \"double\" 'single' {{ 7*7 }} {% raw %} {# no #} #let x = 1 $x^2$ "
-    "*star* _low_ @ref `code` \\n \\u003c </style> --> ]]> ${1} https://example.org/ 測試 שלום <img src=x onerror=alert(1)>"
+    "<b>bold</b> <script>alert(1)</script> & &amp; \"double\" 'single' {{ 7*7 }} {% raw %} {# no "
+    "#} #let x = 1 $x^2$ "
+    "*star* _low_ @ref `code` \\n \\u003c </style> --> ]]> ${1} https://example.org/ 測試 שלום <img "
+    "src=x onerror=alert(1)>"
 )
 """What a page, a template or a typesetter might take for something else than text."""
 
@@ -55,7 +59,10 @@ def clean() -> Report:
 
 
 def test_texts_of_a_log_and_its_rig_are_shown_as_they_are(tmp_path: Path) -> None:
-    log, rig_file = tmp_path / f"log {WORDS.replace('/', '')[:90]}.csv", tmp_path / 'rig <i> & "x".toml'
+    log, rig_file = (
+        tmp_path / f"log {WORDS.replace('/', '')[:90]}.csv",
+        tmp_path / 'rig <i> & "x".toml',
+    )
     head, *rows = CLEAN.read_text().splitlines()
     column = '"column ' + WORDS.replace('"', '""') + '"'
     log.write_text("\n".join([f"{head},{column}", *(f"{row},1.5" for row in rows)]) + "\n")
@@ -67,8 +74,13 @@ def test_texts_of_a_log_and_its_rig_are_shown_as_they_are(tmp_path: Path) -> Non
         f"source = {texts['from']}\n"
     )  # fmt: skip
     rig = load_rig(rig_file)
-    reduction = reduce(read_run(log, rig=rig, load=36.0, load_source=f"given {WORDS}", about=f"about {WORDS}"), rig=rig)
-    page = PageReader(page_text(drawn_report(reduction, uncertainty(reduction), command=f"command {WORDS}")))
+    reduction = reduce(
+        read_run(log, rig=rig, load=36.0, load_source=f"given {WORDS}", about=f"about {WORDS}"),
+        rig=rig,
+    )
+    page = PageReader(
+        page_text(drawn_report(reduction, uncertainty(reduction), command=f"command {WORDS}"))
+    )
     shown = " ".join(page.shown.split())
     assert page.faults == page.requests() == []
     for name in (*names, "about", "command", "given"):
@@ -92,7 +104,9 @@ def test_every_colour_of_a_drawing_follows_the_theme(clean: Report) -> None:
 
 def test_the_histories_of_a_page_are_json_that_no_text_can_end(clean: Report) -> None:
     ending = {"label": "</script><script>alert(1)</script><!--"}
-    evil = section("evil", "Evil", msgspec.structs.replace(histories(clean), histories=json.dumps(ending)))
+    evil = section(
+        "evil", "Evil", msgspec.structs.replace(histories(clean), histories=json.dumps(ending))
+    )
     text = page_text(msgspec.structs.replace(clean, sections=[evil]))
     (data,) = re.findall(r'<script type="application/json">(.*?)</script>', text, re.DOTALL)
     assert "<" not in data
@@ -100,15 +114,21 @@ def test_the_histories_of_a_page_are_json_that_no_text_can_end(clean: Report) ->
 
 
 def test_a_page_has_no_character_that_html_forbids(clean: Report) -> None:
-    report = msgspec.structs.replace(clean, title=CONTROL, sections=[section("note", "Note", Note(CONTROL))])
+    report = msgspec.structs.replace(
+        clean, title=CONTROL, sections=[section("note", "Note", Note(CONTROL))]
+    )
     assert not re.search(r"[\x00-\x08\x0b\x0e-\x1f\x7f-\x9f]", page_text(report))
 
 
 @pytest.mark.slow
-def test_a_log_of_hours_has_a_page_that_can_be_sent_by_mail_with_its_largest_force(tmp_path: Path) -> None:
+def test_a_log_of_hours_has_a_page_that_can_be_sent_by_mail_with_its_largest_force(
+    tmp_path: Path,
+) -> None:
     log = tmp_path / "long.csv"
     script = ROOT / "benchmarks" / "make_logs.py"
-    subprocess.run([sys.executable, script, log, "--rows", "268000"], check=True, capture_output=True)
+    subprocess.run(
+        [sys.executable, script, log, "--rows", "268000"], check=True, capture_output=True
+    )
     report, force = drawn(log), read_run(log).channels["force"]
     page = page_text(report)
     ids = Counter(PageReader(page).values("id"))
@@ -119,14 +139,26 @@ def test_a_log_of_hours_has_a_page_that_can_be_sent_by_mail_with_its_largest_for
     assert max(shown["values"]) == float(f"{force.max():.6g}")
 
 
-def test_a_page_and_a_pdf_of_this_tool_are_replaced_and_no_others(clean: Report, tmp_path: Path) -> None:
-    small = msgspec.structs.replace(clean, sections=[section("note", "Note", Note("Nothing."))], lead=None)
+def test_a_page_and_a_pdf_of_this_tool_are_replaced_and_no_others(
+    clean: Report, tmp_path: Path
+) -> None:
+    small = msgspec.structs.replace(
+        clean, sections=[section("note", "Note", Note("Nothing."))], lead=None
+    )
     files = {"html": tmp_path / "my report.html", "pdf": tmp_path / "my report.pdf"}
     for title in ("One", "測試"):
         publish(msgspec.structs.replace(small, title=title), html=files["html"], pdf=files["pdf"])
     for ending, path in files.items():
-        path.write_bytes(b"<!doctype html><title>mine</title>" if ending == "html" else b"%PDF-1.7\n% mine\n%%EOF\n")
+        path.write_bytes(
+            b"<!doctype html><title>mine</title>"
+            if ending == "html"
+            else b"%PDF-1.7\n% mine\n%%EOF\n"
+        )
         before = path.read_bytes()
         with pytest.raises(OutputError, match="was not written by winchcascade"):
-            publish(small, html=path if ending == "html" else None, pdf=path if ending == "pdf" else None)
+            publish(
+                small,
+                html=path if ending == "html" else None,
+                pdf=path if ending == "pdf" else None,
+            )
         assert path.read_bytes() == before

@@ -50,8 +50,14 @@ def test_the_json_states_the_uncertainty_of_every_mean(record: dict[str, Any]) -
 
 def test_the_uncertainty_of_sensors_without_an_accuracy_is_null(fixtures: Path) -> None:
     rig = parse_rig('name = "bare"\n[winch]\nr_drum = { value = 0.13, unit = "m" }\n', "bare.toml")
-    record = json.loads(reduction_json(reduce(read_run(fixtures / "campaign" / "r36ohm.csv"), rig=rig)))
-    assert set(record["standard_uncertainty"].values()) == set(record["interval_95"].values()) == {None}
+    record = json.loads(
+        reduction_json(reduce(read_run(fixtures / "campaign" / "r36ohm.csv"), rig=rig))
+    )
+    assert (
+        set(record["standard_uncertainty"].values())
+        == set(record["interval_95"].values())
+        == {None}
+    )
     assert record["uncertainty"]["without_accuracy"] == ["force", "idc", "torque", "vdc"]
     assert record["uncertainty"]["repeatability"]["eta_trans"] > 0
 
@@ -64,7 +70,9 @@ def test_parquet_holds_the_same_rows_as_the_json(reduction: Reduction, tmp_path:
     assert [c["haul_in_force_min_n"] for c in cycles] == [
         c["phase_summary"]["haul_in"]["force_min_n"] for c in record["cycles"]
     ]
-    assert [{k: v for k, v in b.items() if k not in ("run", "log", "load_ohm")} for b in bins] == record["bins"]
+    assert [
+        {k: v for k, v in b.items() if k not in ("run", "log", "load_ohm")} for b in bins
+    ] == record["bins"]
     assert findings == []
     assert {c["load_ohm"] for c in cycles} == {36.0}
 

@@ -1,4 +1,6 @@
-"""Pages of calibration, check, audit and simulation: what a laboratory files, from the same rows as terminal and JSON."""
+"""Pages of calibration, check, audit and simulation: what a laboratory files, from the same rows
+as terminal and JSON.
+"""
 
 from __future__ import annotations
 
@@ -25,23 +27,32 @@ def _run(*given: str | Path, code: int = 0) -> str:
 
 def _text(page: Path) -> str:
     """What a page shows, without its marks."""
-    body = re.sub(r"<(style|script|svg).*?</\1>", " ", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    body = re.sub(
+        r"<(style|script|svg).*?</\1>", " ", page.read_text(encoding="utf-8"), flags=re.DOTALL
+    )
     return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]+>", "", body)).replace("\u00a0", " "))
 
 
 def _rows(page: Path, table: str) -> list[list[str]]:
     """Cells of a table of a page, as a spreadsheet takes them when they are copied."""
-    (found,) = re.findall(rf'<table id="table-{table}".*?</table>', page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    (found,) = re.findall(
+        rf'<table id="table-{table}".*?</table>', page.read_text(encoding="utf-8"), flags=re.DOTALL
+    )
     rows = re.findall(r"<tr>(.*?)</tr>", found, flags=re.DOTALL)
     return [
-        [unescape(re.sub(r"<[^>]+>", "", c)).strip() for c in re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row, re.DOTALL)]
+        [
+            unescape(re.sub(r"<[^>]+>", "", c)).strip()
+            for c in re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row, re.DOTALL)
+        ]
         for row in rows
     ]
 
 
 def test_a_calibration_sheet_holds_what_a_laboratory_files(fixtures: Path, tmp_path: Path) -> None:
     log, page = fixtures / "campaign" / "open_circuit.csv", tmp_path / "sheet.html"
-    found = json.loads(_run("calibrate", log, "--json", "-", "--html", page, "--pdf", tmp_path / "sheet.pdf"))
+    found = json.loads(
+        _run("calibrate", log, "--json", "-", "--html", page, "--pdf", tmp_path / "sheet.pdf")
+    )
     assert found["log"]["sha256"] in _text(page)
     rows = _rows(page, "calibrated-numbers")[1:]
     assert [row[0] for row in rows] == [n["name"] for n in found["numbers"]]
@@ -55,9 +66,20 @@ def test_a_calibration_sheet_holds_what_a_laboratory_files(fixtures: Path, tmp_p
     assert "Calibrated numbers of the rig." in pdf
 
 
-def test_a_simulation_states_what_its_energies_cover_and_its_histories(fixtures: Path, tmp_path: Path) -> None:
+def test_a_simulation_states_what_its_energies_cover_and_its_histories(
+    fixtures: Path, tmp_path: Path
+) -> None:
     log, page = fixtures / "campaign" / "r36ohm.csv", tmp_path / "page.html"
-    printed = _run("simulate", log, "--out", tmp_path / "sim.csv", "--with", "line_friction.torque=2", "--html", page)
+    printed = _run(
+        "simulate",
+        log,
+        "--out",
+        tmp_path / "sim.csv",
+        "--with",
+        "line_friction.torque=2",
+        "--html",
+        page,
+    )
     text = _text(page)
     assert "line_friction.torque=2" in text
     assert 'id="figure-histories"' in page.read_text(encoding="utf-8")
@@ -70,7 +92,17 @@ def test_a_simulated_line_at_rest_has_histories_without_marks(tmp_path: Path) ->
     profile = tmp_path / "rest.csv"
     profile.write_text("time_s,velocity_mps\n" + "".join(f"{k / 10},0.0\n" for k in range(100)))
     page = tmp_path / "rest.html"
-    _run("simulate", "--profile", profile, "--load-ohm", "9", "--out", tmp_path / "sim.csv", "--html", page)
+    _run(
+        "simulate",
+        "--profile",
+        profile,
+        "--load-ohm",
+        "9",
+        "--out",
+        tmp_path / "sim.csv",
+        "--html",
+        page,
+    )
     assert page.is_file()
 
 
@@ -111,4 +143,6 @@ def test_a_check_gives_each_cell_its_verdict(fixtures: Path, tmp_path: Path) -> 
     assert printed.count("differs\n") == sum(row[8] == "differs" for row in rows)
     name = "hsu2026-table2_check_cells.csv"
     with (tmp_path / "tables" / name).open(encoding="utf-8", newline="") as file:
-        assert [float(row["found"]) for row in csv.DictReader(file)] == [cell["measured"] for cell in cells]
+        assert [float(row["found"]) for row in csv.DictReader(file)] == [
+            cell["measured"] for cell in cells
+        ]

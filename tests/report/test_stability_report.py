@@ -30,4 +30,7 @@ def test_a_run_without_a_number_is_null_with_the_reason() -> None:
     cause = msgspec.structs.replace(found.causes[0], stability=Stability(runs, ()))
     (record,) = as_json(msgspec.structs.replace(found, causes=(cause,)))["causes"]
     assert [one["value"] for one in record["stability"]] == [None, None]
-    assert [one["reason"] for one in record["stability"]] == ["the run hardly depends on this cause", "withheld"]
+    assert [one["reason"] for one in record["stability"]] == [
+        "the run hardly depends on this cause",
+        "withheld",
+    ]

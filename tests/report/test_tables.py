@@ -63,15 +63,21 @@ def value(cell: Cell) -> float | None:
 
 
 def tables_of(result: Result) -> dict[str, Table[Any]]:
-    return {block.id: block for block in reduction_report(*result).blocks if isinstance(block, Table)}
+    return {
+        block.id: block for block in reduction_report(*result).blocks if isinstance(block, Table)
+    }
 
 
 @pytest.mark.parametrize("log", LOGS)
-def test_the_cycles_table_states_every_cycle_and_the_means(results: dict[str, Result], log: str) -> None:
+def test_the_cycles_table_states_every_cycle_and_the_means(
+    results: dict[str, Result], log: str
+) -> None:
     reduction, found = results[log]
     table = tables.cycles_table(reduction, found)
     cells, names = columns(table), [c.name for c in table.columns]
-    assert cells["cycle"] == [f"{c.cycle}" if c.complete else f"({c.cycle})" for c in reduction.cycles]
+    assert cells["cycle"] == [
+        f"{c.cycle}" if c.complete else f"({c.cycle})" for c in reduction.cycles
+    ]
     assert cells["window"] == [c.window.cutoff - c.window.onset for c in reduction.cycles]
     below = {row[0]: dict(zip(names, row, strict=True)) for row in table.below}
     n = len(reduction.complete)
@@ -101,7 +107,14 @@ def test_shares_of_the_budget_add_up_to_the_whole(results: dict[str, Result], lo
     for column, cells in columns(table).items():
         if re.match(r"E_|eta_", column):
             assert sum(value(cell) or 0.0 for cell in cells) == pytest.approx(100.0)
-    known = {"limits", "calibration in place", "standard uncertainty", "expanded uncertainty", "resampling", "relation"}
+    known = {
+        "limits",
+        "calibration in place",
+        "standard uncertainty",
+        "expanded uncertainty",
+        "resampling",
+        "relation",
+    }
     assert {str(cell) for cell in columns(table)["known by"] if cell} <= known
 
 
@@ -112,7 +125,9 @@ def test_the_uncertainty_table_states_scatter_sensors_and_both_intervals(clean: 
     for k, metric in enumerate(ALL_METRICS):
         values = np.array([c.metrics.value(metric) for c in reduction.complete])
         assert value(cells["u, sensors"][k]) == found.budget.sensors[metric]
-        assert value(cells["u, cycles"][k]) == pytest.approx(np.std(values, ddof=1) / np.sqrt(values.size))
+        assert value(cells["u, cycles"][k]) == pytest.approx(
+            np.std(values, ddof=1) / np.sqrt(values.size)
+        )
         for name, interval in (
             ("95 % interval", found.interval_95[metric]),
             ("these cycles alone", found.interval_95_sensors[metric]),
@@ -124,7 +139,9 @@ def test_the_uncertainty_table_states_scatter_sensors_and_both_intervals(clean: 
 
 def test_without_accuracies_only_the_repeatability_is_stated() -> None:
     rig = parse_rig(BARE, "bare.toml")
-    reduction = reduce(read_run(FIXTURES / "campaign" / "r36ohm.csv", rig=rig), rig=rig, window=5.48)
+    reduction = reduce(
+        read_run(FIXTURES / "campaign" / "r36ohm.csv", rig=rig), rig=rig, window=5.48
+    )
     found = tables_of((reduction, uncertainty(reduction)))
     cells = columns(found["uncertainty"])
     assert not [cell for cell in cells["u, sensors"] if value(cell) is not None]
@@ -133,7 +150,11 @@ def test_without_accuracies_only_the_repeatability_is_stated() -> None:
 
 
 def test_what_a_log_does_not_measure_has_no_column(results: dict[str, Result]) -> None:
-    heads = {column.name for table in tables_of(results["no torque"]).values() for column in table.used().columns}
+    heads = {
+        column.name
+        for table in tables_of(results["no torque"]).values()
+        for column in table.used().columns
+    }
     assert not heads & {"E_mech", "P_mech", "eta_trans", "eta_gen", "torque", "τ", "τ_hold"}
     assert {"E_line", "E_gen", "eta_pto"} <= heads
 
@@ -155,17 +176,23 @@ def test_bins_state_their_means_and_all_their_samples(clean: Result) -> None:
 
 def test_times_are_counted_from_the_first_stamp_of_an_epoch(clean: Result) -> None:
     reduction, epoch = clean[0], 1_776_506_400.0
-    finding = Finding("spike", "one sample", "bridged", channel="force", start=epoch + 12.0, end=epoch + 12.5)
+    finding = Finding(
+        "spike", "one sample", "bridged", channel="force", start=epoch + 12.0, end=epoch + 12.5
+    )
     run = msgspec.structs.replace(reduction.run, t=reduction.run.t + epoch)
     late = msgspec.structs.replace(reduce(run, window=5.48), quality=(finding,))
     found = tables_of((late, uncertainty(late)))
-    assert columns(found["phases"])["onset"] == pytest.approx([c.phases.onset for c in reduction.cycles], abs=0.011)
+    assert columns(found["phases"])["onset"] == pytest.approx(
+        [c.phases.onset for c in reduction.cycles], abs=0.011
+    )
     assert columns(found["findings"])["when"] == [Span(12.0, 12.5)]
     assert f"{epoch:.2f}" in found["findings"].note
     assert f"{epoch:.2f}" in found["phases"].caption
 
 
-def test_a_large_energy_of_unknown_uncertainty_has_four_digits_and_a_small_one_three(clean: Result) -> None:
+def test_a_large_energy_of_unknown_uncertainty_has_four_digits_and_a_small_one_three(
+    clean: Result,
+) -> None:
     cycles = clean[0].cycles
     for energy, decimals in ((301855.2, -2), (7114.9, 0), (114.9, 0), (0.01234, 4)):
         changed = [msgspec.structs.replace(c, metrics=Metrics(energy_line=energy)) for c in cycles]

@@ -22,7 +22,9 @@ def report(*tables: Table[float] | None) -> Report:
 def test_colours_reach_a_terminal_and_those_of_a_file_do_not() -> None:
     use_screen(Screen(100, colour=True))
     try:
-        coloured = painted(terminal_text(report(table("wide", "A wide table.", WIDE, [1.25]))), lines)
+        coloured = painted(
+            terminal_text(report(table("wide", "A wide table.", WIDE, [1.25]))), lines
+        )
     finally:
         use_screen(PIPE)
     assert {"\x1b[1m", "\x1b[32m", "\x1b[33m"} <= set(COLOUR.findall(coloured))
@@ -40,4 +42,7 @@ def test_a_pipe_gets_a_wide_table_whole_and_a_path_unbroken() -> None:
 
 
 def test_an_option_keeps_its_name_where_units_have_signs() -> None:
-    assert typeset("open circuit (--load-ohm), 9 ohm, in ohm") == "open circuit (--load-ohm), 9\u00a0Ω, in Ω"
+    assert (
+        typeset("open circuit (--load-ohm), 9 ohm, in ohm")
+        == "open circuit (--load-ohm), 9\u00a0Ω, in Ω"
+    )

@@ -40,7 +40,9 @@ def array(shape: str, n: int, seed: int) -> np.ndarray[tuple[int], np.dtype[np.f
 @given(st.sampled_from(SHAPES), st.integers(1, 500), st.integers(4, 300), st.integers(0, 99))
 @example("spike", 101, 100, 1)
 @example("noise", 100, 100, 1)
-def test_a_thinned_trace_keeps_its_ends_and_its_extremes(shape: str, n: int, maximum: int, seed: int) -> None:
+def test_a_thinned_trace_keeps_its_ends_and_its_extremes(
+    shape: str, n: int, maximum: int, seed: int
+) -> None:
     x = array(shape, n, seed)
     t, (kept,) = thinned(np.arange(n, dtype=float), [x], maximum)
     assert t.size == kept.size <= max(maximum, 1)
@@ -62,7 +64,9 @@ def reduction() -> Reduction:
 
 
 def histories(reduction: Reduction) -> Any:
-    return json.loads(history_json(log_history(reduction)), parse_constant=lambda word: pytest.fail(word))
+    return json.loads(
+        history_json(log_history(reduction)), parse_constant=lambda word: pytest.fail(word)
+    )
 
 
 def curves(data: Any) -> dict[str, list[float]]:
@@ -72,7 +76,9 @@ def curves(data: Any) -> dict[str, list[float]]:
 def test_the_histories_of_a_short_log_have_every_sample(reduction: Reduction) -> None:
     run, data = reduction.run, histories(reduction)
     assert data["t"] == pytest.approx(run.t.tolist())
-    assert curves(data)["Line tension"] == pytest.approx(run.channels["force"].tolist(), rel=SIX_DIGITS)
+    assert curves(data)["Line tension"] == pytest.approx(
+        run.channels["force"].tolist(), rel=SIX_DIGITS
+    )
     power = run.channels["force"] * run.channels["velocity"]
     assert curves(data)["Power, P_line"] == pytest.approx(power.tolist(), rel=SIX_DIGITS)
 
@@ -82,13 +88,18 @@ def test_the_histories_of_a_long_log_keep_its_peaks(reduction: Reduction, n: int
     force = 5000.0 + 1000.0 * np.random.default_rng(n).standard_normal(n)
     force[n // 3] = 19_876.0
     run = msgspec.structs.replace(
-        reduction.run, t=0.04 * np.arange(n), samples=n, channels={"velocity": np.ones(n), "force": force}
+        reduction.run,
+        t=0.04 * np.arange(n),
+        samples=n,
+        channels={"velocity": np.ones(n), "force": force},
     )
     data = histories(msgspec.structs.replace(reduction, run=run, cycles=()))
     drawn = curves(data)["Line tension"]
     assert len(data["t"]) == len(drawn) <= POINTS
     assert [min(drawn), max(drawn)] == pytest.approx([force.min(), 19_876.0], rel=SIX_DIGITS)
-    assert data["t"][int(np.argmax(drawn))] == pytest.approx(run.t[n // 3], abs=2.0 * run.t[-1] / POINTS * 2.0)
+    assert data["t"][int(np.argmax(drawn))] == pytest.approx(
+        run.t[n // 3], abs=2.0 * run.t[-1] / POINTS * 2.0
+    )
 
 
 def test_the_histories_mark_payouts_holds_and_repaired_stretches() -> None:
@@ -105,7 +116,9 @@ def test_the_histories_mark_payouts_holds_and_repaired_stretches() -> None:
     middle = 0.5 * (begin + end)
     marked = {row["series"][0]["label"]: row["repaired"] for row in data["rows"]}
     assert any(span["from"] <= middle <= span["to"] for span in marked["Line tension"])
-    assert not any(span["from"] <= middle <= span["to"] for span in marked["Voltage of the DC link"])
+    assert not any(
+        span["from"] <= middle <= span["to"] for span in marked["Voltage of the DC link"]
+    )
 
 
 EPOCH = 1_776_506_400.0
@@ -119,9 +132,13 @@ def test_a_log_with_seconds_of_an_epoch_is_drawn_from_its_begin(reduction: Reduc
     late = reduce(msgspec.structs.replace(reduction.run, t=reduction.run.t + EPOCH), window=5.48)
     first = float(reduction.run.t[0])
     assert clock_zero(late.run) == EPOCH + first
-    assert histories(late)["t"] == pytest.approx([t - first for t in histories(reduction)["t"]], abs=STAMP)
+    assert histories(late)["t"] == pytest.approx(
+        [t - first for t in histories(reduction)["t"]], abs=STAMP
+    )
 
 
 def test_a_log_that_begins_late_on_its_own_clock_keeps_its_clock(reduction: Reduction) -> None:
     run = msgspec.structs.replace(reduction.run, t=reduction.run.t + 1000.0)
-    assert histories(reduce(run, window=5.48))["t"][0] == pytest.approx(1000.0 + float(reduction.run.t[0]))
+    assert histories(reduce(run, window=5.48))["t"][0] == pytest.approx(
+        1000.0 + float(reduction.run.t[0])
+    )

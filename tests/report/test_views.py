@@ -1,4 +1,6 @@
-"""Frames hold the numbers of the JSON and the Parquet tables, and plots draw them; the methods of results do the same."""
+"""Frames hold the numbers of the JSON and the Parquet tables, and plots draw them; the methods
+of results do the same.
+"""
 
 import math
 import re
@@ -56,13 +58,15 @@ def _campaign(tmp_path_factory: pytest.TempPathFactory) -> CampaignReduction:
     folder = tmp_path_factory.mktemp("campaign")
     lines = []
     for load in ("9", "18"):
-        (folder / f"r{load}.csv").write_bytes(Path(f"fixtures/campaign/r{load}ohm.csv").read_bytes())
+        (folder / f"r{load}.csv").write_bytes(
+            Path(f"fixtures/campaign/r{load}ohm.csv").read_bytes()
+        )
         lines += ["[[run]]", f'file = "r{load}.csv"', f"load_ohm = {load}"]
     (folder / "campaign.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return open_campaign(folder).reduce()
 
 
-# ------------------------------------------------------------------------------------------------------------------- frames
+# ----------------------------------------------------------------------------------------- frames
 def test_frames_of_a_reduction_are_its_parquet_tables(reduction: Reduction, tmp_path: Path) -> None:
     write_parquet(reduction, tmp_path)
     for table in ("cycles", "bins", "findings"):
@@ -87,9 +91,13 @@ def test_units_of_display_are_percent_rpm_and_kg_per_cm2(reduction: Reduction) -
     run = reduction.run
     assert np.array_equal(run.to_pandas()["pressure_pa"], run.channels["pressure"])
     assert np.allclose(
-        run.to_pandas(units="display")["pressure_kgcm2"] * KGF * 1e4, run.channels["pressure"], rtol=1e-15
+        run.to_pandas(units="display")["pressure_kgcm2"] * KGF * 1e4,
+        run.channels["pressure"],
+        rtol=1e-15,
     )
-    fast = msgspec.structs.replace(run, channels={"speed": np.array([math.pi])}, t=np.array([0.0]), fs=1.0)
+    fast = msgspec.structs.replace(
+        run, channels={"speed": np.array([math.pi])}, t=np.array([0.0]), fs=1.0
+    )
     assert fast.to_pandas(units="display")["speed_rpm"].tolist() == [30.0]
     assert fast.to_pandas()["speed_radps"].tolist() == [math.pi]
 
@@ -109,7 +117,9 @@ def test_energies_follow_from_the_samples_of_a_frame(reduction: Reduction) -> No
         assert part["time_s"].max() <= one.window.cutoff
         assert set(part["phase"]) == {"payout"}
         energy = float(np.trapezoid(part["power_line_w"], part["time_s"]))
-        assert energy == pytest.approx(one.metrics.value("energy_line"), rel=0.02)  # without the ends of the window
+        assert energy == pytest.approx(
+            one.metrics.value("energy_line"), rel=0.02
+        )  # without the ends of the window
     spans = samples.groupby(["cycle", "phase"])["time_s"].min()
     assert spans[1, "payout"] == pytest.approx(reduction.cycles[0].phases.onset, abs=0.04)
     assert set(samples.loc[samples["cycle"].isna(), "phase"]) == {""}
@@ -117,7 +127,9 @@ def test_energies_follow_from_the_samples_of_a_frame(reduction: Reduction) -> No
 
 def test_frames_of_a_campaign_have_the_means_of_each_run(campaign: CampaignReduction) -> None:
     record = campaign.records["r9.csv"]
-    opened = msgspec.structs.replace(record, log=msgspec.structs.replace(record.log, load_ohm=None, open_circuit=True))
+    opened = msgspec.structs.replace(
+        record, log=msgspec.structs.replace(record.log, load_ohm=None, open_circuit=True)
+    )
     both = msgspec.structs.replace(campaign, records={"one": record, "two": opened})
     found, shown = frame(both, "runs_all"), frame(both, "runs_all", "display")
     pd.testing.assert_frame_equal(both.to_pandas(), found[both.to_pandas().columns])
@@ -134,25 +146,37 @@ def test_frames_of_a_diagnosis_are_its_json() -> None:
     found = diagnosed("copper")
     record = as_json(found)
     causes = frame(found, "causes")
-    assert causes["effect"].tolist() == [c["effect"] for c in record["causes"] for _ in c["parameters"]]
+    assert causes["effect"].tolist() == [
+        c["effect"] for c in record["causes"] for _ in c["parameters"]
+    ]
     first = next(iter(record["causes"][0]["parameters"].values()))
     shown = ["value", "low", "high", "unit"]
     assert causes.loc[0, shown].tolist() == [first[k] for k in shown]
     places = frame(found, "map")
-    assert places["z"].tolist() == pytest.approx([p["z"] for p in record["where"]["map"]], nan_ok=True)
+    assert places["z"].tolist() == pytest.approx(
+        [p["z"] for p in record["where"]["map"]], nan_ok=True
+    )
     assert set(places.loc[places["channel"] == "force", "unit"]) == {"N"}
-    assert len(frame(found, "stability")) == sum(len(c.get("stability", [])) for c in record["causes"])
+    assert len(frame(found, "stability")) == sum(
+        len(c.get("stability", [])) for c in record["causes"]
+    )
 
 
 def test_parts_of_a_metric_add_up_and_are_displayed_in_percent() -> None:
     found = diagnosed("copper")
     plain, shown = frame(found, "contributions"), frame(found, "contributions", "display")
-    sums = plain.groupby(["run", "metric"]).agg({"as_given": "first", "measured": "first", "value": "sum"}).dropna()
+    sums = (
+        plain.groupby(["run", "metric"])
+        .agg({"as_given": "first", "measured": "first", "value": "sum"})
+        .dropna()
+    )
     gap = sums["measured"] - sums["as_given"]
     assert np.allclose(gap, sums["value"], rtol=1e-9, atol=1e-9 * sums["measured"].abs().max())
     ratios = plain["metric"].str.startswith("eta_")
     assert set(shown.loc[ratios, "unit"]) == {"%"}
-    assert np.allclose(shown.loc[ratios, "value"].dropna(), 100.0 * plain.loc[ratios, "value"].dropna())
+    assert np.allclose(
+        shown.loc[ratios, "value"].dropna(), 100.0 * plain.loc[ratios, "value"].dropna()
+    )
     others = ~ratios & (plain["unit"] != "Pa")
     assert shown.loc[others].equals(plain.loc[others])
 
@@ -168,7 +192,9 @@ RESULTS: dict[str, tuple[Callable[[Reduction, CampaignReduction], Any], int]] = 
     "calibration": (lambda *_: calibrate(read_run("fixtures/campaign/open_circuit.csv")), 4),
     "simulation": (lambda one, _: simulate(one.run), 2767),
 }
-"""Results of each kind, and the rows of their main tables: samples, cycles, runs, numbers of causes, metrics, cells, ..."""
+"""Results of each kind, and the rows of their main tables: samples, cycles, runs, numbers of
+causes, metrics, cells, ...
+"""
 
 
 @pytest.mark.parametrize("kind", RESULTS)
@@ -193,7 +219,7 @@ def test_the_numbers_of_the_json_are_in_the_tables_of_check_and_calibration() ->
     }
 
 
-# -------------------------------------------------------------------------------------------------------------------- plots
+# ------------------------------------------------------------------------------------------ plots
 def test_channels_of_a_run_are_drawn_alone_in_groups_and_together(reduction: Reduction) -> None:
     run = reduction.run
     (force,) = run.plot("force").lines
@@ -236,11 +262,16 @@ def test_efficiencies_and_powers_are_those_of_the_cycles(reduction: Reduction) -
 def test_a_campaign_is_drawn_over_its_loads(campaign: CampaignReduction) -> None:
     means = frame(campaign, "runs").sort_values("load_ohm")
     for what, field in (("efficiency", "eta_pto"), ("power", "power_gen_w")):
-        assert means[field].tolist() in [np.asarray(line.get_ydata()).tolist() for line in plot(campaign, what).lines]
+        assert means[field].tolist() in [
+            np.asarray(line.get_ydata()).tolist() for line in plot(campaign, what).lines
+        ]
     lines = plot(campaign, "power").lines
     colours = {line.get_color() for line in lines if len(np.asarray(line.get_xdata())) == 2}
     assert colours == {COLOURS["line"], COLOURS["mech"], COLOURS["gen"]}
-    assert [text.get_text() for text in plot(campaign, "speed").get_legend().get_texts()] == ["18 Ω", "9 Ω"]
+    assert [text.get_text() for text in plot(campaign, "speed").get_legend().get_texts()] == [
+        "18 Ω",
+        "9 Ω",
+    ]
 
 
 def test_a_diagnosis_has_a_map_and_waterfalls() -> None:
@@ -251,30 +282,52 @@ def test_a_diagnosis_has_a_map_and_waterfalls() -> None:
     assert np.ravel(np.array(plot(found, "waterfall"), dtype=object)).size == loads
 
 
-# ---------------------------------------------------------------------------------------------------- what is not there
+# ------------------------------------------------------------------------------ what is not there
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        (lambda r: frame(r, "cycle"), r"to_pandas\('cycle'\): no such table; expected one of 'cycles', 'bins'"),
-        (lambda r: r.run.to_pandas(units="SI"), r"units='SI'\): no such units; expected 'si' or 'display'"),
-        (lambda r: plot(r, "powers"), r"plot\('powers'\): no such plot of this result; expected one of 'power'"),
+        (
+            lambda r: frame(r, "cycle"),
+            r"to_pandas\('cycle'\): no such table; expected one of 'cycles', 'bins'",
+        ),
+        (
+            lambda r: r.run.to_pandas(units="SI"),
+            r"units='SI'\): no such units; expected 'si' or 'display'",
+        ),
+        (
+            lambda r: plot(r, "powers"),
+            r"plot\('powers'\): no such plot of this result; expected one of 'power'",
+        ),
         (
             lambda r: plot(msgspec.structs.replace(r, bins=()), "speed"),
             r"plot\('speed'\): .*the speed of the generator",
         ),
-        (lambda r: frame(r.mean), "frame: Metrics has no table.* Audit, Calibration, CampaignReduction"),
-        (lambda r: plot(r.run, "flow"), r"plot\('flow'\): no such plot of this result; expected one of 'history'"),
-        (lambda _: plot(audit("hsu2026-table2")), "plot: Audit has no plot.*: CampaignReduction, .* Run"),
+        (
+            lambda r: frame(r.mean),
+            "frame: Metrics has no table.* Audit, Calibration, CampaignReduction",
+        ),
+        (
+            lambda r: plot(r.run, "flow"),
+            r"plot\('flow'\): no such plot of this result; expected one of 'history'",
+        ),
+        (
+            lambda _: plot(audit("hsu2026-table2")),
+            "plot: Audit has no plot.*: CampaignReduction, .* Run",
+        ),
         (lambda r: summary_html(r.mean), "summary_html: Metrics has no summary"),
     ],
 )
-def test_what_a_result_does_not_have_is_reported(reduction: Reduction, wrong: Any, message: str) -> None:
+def test_what_a_result_does_not_have_is_reported(
+    reduction: Reduction, wrong: Any, message: str
+) -> None:
     with pytest.raises(OptionError, match=message):
         wrong(reduction)
     assert not plt.get_fignums()
 
 
-def test_notebooks_show_the_summary_table_without_scripts(reduction: Reduction, campaign: CampaignReduction) -> None:
+def test_notebooks_show_the_summary_table_without_scripts(
+    reduction: Reduction, campaign: CampaignReduction
+) -> None:
     run = msgspec.structs.replace(reduction.run, name="<script>alert(1)</script>")
     page = msgspec.structs.replace(reduction, run=run)._repr_html_()
     assert "<script" not in page

@@ -86,8 +86,9 @@ CONTRACT = {
     "r_s_convention": ("entry", "r_s_ratio", "1", *UPSTREAM_OF_GENERATOR),
     "l_s_convention": ("entry", "l_s_ratio", "1", *UPSTREAM_OF_GENERATOR),
 }
-"""The interface: stage, parameter reported and its unit, then the channels that an effect moves and those that it cannot touch,
-as the motion of the line is given. What is in neither follows from the rotor running down after payout."""
+"""The interface: stage, parameter reported and its unit, then the channels that an effect moves and
+those that it cannot touch, as the motion of the line is given. What is in neither follows from the
+rotor running down after payout."""
 
 NOISE = 1e-3
 """Twice the error of the simulation's step, as a share of a channel's peak."""
@@ -104,9 +105,13 @@ every_effect = pytest.mark.parametrize("name", EFFECTS)
 
 
 def half(effect: Effect) -> ActiveEffect:
-    """Make an effect half way from absent to its upper bound, or to the lower one where absent is the upper."""
+    """Make an effect half way from absent to its upper bound, or to the lower one where absent
+    is the upper.
+    """
     ends = [field.high if field.high > field.absent else field.low for field in effect.fields]
-    return ActiveEffect(effect, tuple(0.5 * (f.absent + end) for f, end in zip(effect.fields, ends, strict=True)))
+    return ActiveEffect(
+        effect, tuple(0.5 * (f.absent + end) for f, end in zip(effect.fields, ends, strict=True))
+    )
 
 
 KINDS = {"spring_force": "spring", "spring_stiffness": "spring", "counterweight": "counterweight"}
@@ -137,7 +142,9 @@ def own(name: str) -> Effect:
 
 @cache
 def simulated(log: str, load: float, name: str, *, absent: bool = False) -> Simulation:
-    return simulate(motion(log, load), model(name) if absent else half(own(name)).apply(model(name)))
+    return simulate(
+        motion(log, load), model(name) if absent else half(own(name)).apply(model(name))
+    )
 
 
 def numbers(of: Model) -> np.ndarray:
@@ -156,14 +163,21 @@ def same(one: Model, other: Model) -> bool:
 
 
 def test_the_catalogue_is_the_table_of_the_interface() -> None:
-    listed = {name: (effect.stage, effect.parameter, effect.unit) for name, effect in EFFECTS.items()}
+    listed = {
+        name: (effect.stage, effect.parameter, effect.unit) for name, effect in EFFECTS.items()
+    }
     assert list(listed.items()) == [(name, row[:3]) for name, row in CONTRACT.items()]
 
 
 @every_effect
-def test_a_declaration_has_its_texts_and_fields_with_bounds_about_the_absent_value(name: str) -> None:
+def test_a_declaration_has_its_texts_and_fields_with_bounds_about_the_absent_value(
+    name: str,
+) -> None:
     effect = EFFECTS[name]
-    assert all(len(part) > 10 for part in (effect.summary, effect.shows_as, effect.taken_for, effect.source))
+    assert all(
+        len(part) > 10
+        for part in (effect.summary, effect.shows_as, effect.taken_for, effect.source)
+    )
     assert all(channel in effect.shows_as for channel in CONTRACT[name][3].split())
     assert len(effect.label) <= 20
     for field in effect.fields:
@@ -183,29 +197,39 @@ def test_an_effect_is_absent_at_its_defaults_and_another_model_with_values(name:
 
 
 @every_effect
-def test_effects_compose_in_either_order_and_two_of_one_kind_are_one_with_both_values(name: str) -> None:
+def test_effects_compose_in_either_order_and_two_of_one_kind_are_one_with_both_values(
+    name: str,
+) -> None:
     one = half(own(name))
     for other in (half(own(kind)) for kind in EFFECTS if kind != name):
         assert same(one.apply(other.apply(model(name))), other.apply(one.apply(model(name))))
     values = zip(one.effect.fields, one.values, strict=True)
-    small = ActiveEffect(one.effect, tuple(field.absent + 0.3 * (value - field.absent) for field, value in values))
+    small = ActiveEffect(
+        one.effect, tuple(field.absent + 0.3 * (value - field.absent) for field, value in values)
+    )
     assert same(small.apply(one.apply(model(name))), small.after(one.values).apply(model(name)))
     assert not same(small.apply(one.apply(model(name))), one.apply(model(name)))
 
 
 @every_effect
 def test_an_effect_shows_in_its_channels_and_in_none_that_it_cannot_touch(name: str) -> None:
-    before, after = (simulated(*MIDDLE, name, absent=absent).run.channels for absent in (True, False))
+    before, after = (
+        simulated(*MIDDLE, name, absent=absent).run.channels for absent in (True, False)
+    )
     *_, moved, untouched = CONTRACT[name]
     for channel in moved.split():
-        assert np.abs(after[channel] - before[channel]).max() > NOISE * np.abs(before[channel]).max(), channel
+        assert (
+            np.abs(after[channel] - before[channel]).max() > NOISE * np.abs(before[channel]).max()
+        ), channel
     for channel in (*untouched.split(), "displacement", "velocity"):
         np.testing.assert_array_equal(after[channel], before[channel], err_msg=channel)
 
 
 @every_effect
 @pytest.mark.parametrize(
-    "log", [MIDDLE, *(pytest.param(log, marks=pytest.mark.slow) for log in (HEAVIEST, OPEN))], ids=str
+    "log",
+    [MIDDLE, *(pytest.param(log, marks=pytest.mark.slow) for log in (HEAVIEST, OPEN))],
+    ids=str,
 )
 def test_the_energy_of_the_line_is_accounted_for(log: tuple[str, float], name: str) -> None:
     energy = simulated(*log, name).energy
@@ -228,9 +252,17 @@ def test_a_rolloff_never_rises_and_has_a_field_for_each_knot(lost: tuple[float, 
     ("name", "values", "says"),
     [
         ("ke_rollof", {}, "names like it: ke_rolloff; `winchcascade effects` lists all"),
-        ("gas_polytropic", {"m": 1.2}, "effect gas_polytropic has no field 'm'; it has n, cooling."),
+        (
+            "gas_polytropic",
+            {"m": 1.2},
+            "effect gas_polytropic has no field 'm'; it has n, cooling.",
+        ),
         ("seal_friction", {"force": -1.0}, "force is -1, but must lie between 0 and inf [N]"),
-        ("ke_shift", {"k_e_change": math.nan}, "k_e_change is nan, but must lie between -0.9 and 9 [1]"),
+        (
+            "ke_shift",
+            {"k_e_change": math.nan},
+            "k_e_change is nan, but must lie between -0.9 and 9 [1]",
+        ),
     ],
 )
 def test_what_cannot_be_made_is_rejected(name: str, values: dict[str, float], says: str) -> None:
@@ -239,13 +271,14 @@ def test_what_cannot_be_made_is_rejected(name: str, values: dict[str, float], sa
     assert says in str(fault.value)
 
 
-# ----------------------------------------------------------------------------------------------- effects that a rig states
+# ---------------------------------------------------------------------- effects that a rig states
 BASED = 'based_on = "hsu2026"\nname = "mine"\n'
 
 
 def test_the_model_of_a_rig_has_the_effects_that_its_file_states() -> None:
     stated = parse_rig(
-        BASED + '[effects.gear_mesh_loss]\nefficiency_change = { value = -3, unit = "%", source = "diagnosis" }\n'
+        BASED
+        + '[effects.gear_mesh_loss]\nefficiency_change = { value = -3, unit = "%", source = "diagnosis" }\n'
         "[effects.line_friction]\ntorque = 5.0\n",
         "mine.toml",
     )
@@ -257,18 +290,26 @@ def test_the_model_of_a_rig_has_the_effects_that_its_file_states() -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("[effects.ke_rollof]\na = 1\n", "[effects.ke_rollof]: effect 'ke_rollof' is not in the catalogue; names like it: ke"),
-        ("[effects.line_drag]\nc = 1\n", "[effects.line_drag]: effect line_drag has no field 'c'; it has b"),
+        ("[effects.ke_rollof]\na = 1\n", "[effects.ke_rollof]: effect 'ke_rollof' is not in the "
+                                         "catalogue; names like it: ke"),
+        ("[effects.line_drag]\nc = 1\n", "[effects.line_drag]: effect line_drag has no field 'c'; "
+                                         "it has b"),
         ("[effects.line_drag]\nb = -1\n", "b is -1, but must lie between 0 and inf"),
         ("[effects.line_drag]\n", "[effects.line_drag] has no field; expected b"),
-        ('[effects.line_drag]\nb = { value = 1, unit = "kg" }\n', "b: the unit is 'kg'; expected 'N.m.s/rad'"),
-        ("[effects.line_drag]\nb = { value = 1, tolerance = 2 }\n", "[effects.line_drag] b tolerance is no entry"),
-        ('[effects.line_drag]\nb = "one"\n', "[effects.line_drag] b value is 'one'; expected a number"),
+        ('[effects.line_drag]\nb = { value = 1, unit = "kg" }\n', "b: the unit is 'kg'; expected "
+                                                                  "'N.m.s/rad'"),
+        ("[effects.line_drag]\nb = { value = 1, tolerance = 2 }\n", "[effects.line_drag] b "
+                                                                    "tolerance is no entry"),
+        ('[effects.line_drag]\nb = "one"\n', "[effects.line_drag] b value is 'one'; expected a "
+                                             "number"),
         ("[effects]\nline_drag = 1\n", "effects line_drag is 1"),
-        ("[sensors.errors.line_drag]\nb = 1\n", "is no error of a sensor; state it as [effects.line_drag]"),
+        ("[sensors.errors.line_drag]\nb = 1\n", "is no error of a sensor; state it as "
+                                                "[effects.line_drag]"),
     ],
 )  # fmt: skip
-def test_a_wrong_stated_effect_is_one_sentence_with_its_place(tmp_path: Path, text: str, says: str) -> None:
+def test_a_wrong_stated_effect_is_one_sentence_with_its_place(
+    tmp_path: Path, text: str, says: str
+) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(BASED + text, encoding="utf-8")
     with pytest.raises(RigError) as fault:
@@ -278,7 +319,7 @@ def test_a_wrong_stated_effect_is_one_sentence_with_its_place(tmp_path: Path, te
     assert "\n" not in str(fault.value)
 
 
-# ----------------------------------------------------------------------------------------------------------- simplifications
+# -------------------------------------------------------------------------------- simplifications
 @cache
 def first_cycle(load: float) -> Run:
     run = motion(*(OPEN if math.isinf(load) else ("r36ohm.csv", load)))
@@ -300,36 +341,54 @@ def test_a_simplification_with_a_share_of_zero_changes_nothing(name: str) -> Non
 
 
 @pytest.mark.parametrize("bridge", ["averaged_bridge", "uncommutated_bridge"])
-def test_a_quasi_static_simulation_with_an_averaged_bridge_is_that_of_the_textbook(bridge: str) -> None:
+def test_a_quasi_static_simulation_with_an_averaged_bridge_is_that_of_the_textbook(
+    bridge: str,
+) -> None:
     made = simplified(36.0, quasi_static=1.0, **{bridge: 1.0})
     x, machine = made.run.channels, model().generator
     moves = x["velocity"] > 0.5
     reactance = machine.pole_pairs * made.rpm_gen * math.pi / 30.0 * machine.l_s
     drop = 3.0 / math.pi * reactance * (bridge == "averaged_bridge") + 2.0 * machine.r_s
-    expected = 3.0 * math.sqrt(2.0) / math.pi * machine.k_e * made.rpm_gen - drop * x["idc"] - 2.0 * machine.v_diode
-    assert np.allclose(x["vdc"][moves], expected[moves], rtol=2e-3)  # the table has a kink where the current begins
+    expected = (
+        3.0 * math.sqrt(2.0) / math.pi * machine.k_e * made.rpm_gen
+        - drop * x["idc"]
+        - 2.0 * machine.v_diode
+    )
+    assert np.allclose(
+        x["vdc"][moves], expected[moves], rtol=2e-3
+    )  # the table has a kink where the current begins
     assert np.all(x["vdc"][x["velocity"] < -0.2] == 0.0)
 
 
 def test_what_a_simulation_leaves_out_is_gone() -> None:
-    still, weightless = (simplified(36.0, **{name: 1.0}).run for name in ("quasi_static", "no_rotor_inertia"))
+    still, weightless = (
+        simplified(36.0, **{name: 1.0}).run for name in ("quasi_static", "no_rotor_inertia")
+    )
     v = still.channels["velocity"]
     speeds_up = (np.gradient(v, still.t) > 0.1) & (v > 0.2)
     assert np.all(weightless.channels["torque"][speeds_up] < still.channels["torque"][speeds_up])
     assert np.allclose(weightless.channels["vdc"], still.channels["vdc"])
-    with_bleed, without = (simplified(math.inf, no_bleed=share).run.channels["vdc"] for share in (0.0, 1.0))
+    with_bleed, without = (
+        simplified(math.inf, no_bleed=share).run.channels["vdc"] for share in (0.0, 1.0)
+    )
     assert with_bleed[-1] < 0.5 * with_bleed.max()
     assert without[-1] > 0.95 * without.max()
     hot = with_part(model(), "restoring", exponent=1.3)
-    assert ActiveEffect(SIMPLIFICATIONS["isothermal_gas"], (1.0,)).apply(hot).restoring.exponent == pytest.approx(1.0)
-    assert ActiveEffect(SIMPLIFICATIONS["no_drum_inertia"], (1.0,)).apply(model()).winch.inertia == 0.0
+    assert ActiveEffect(SIMPLIFICATIONS["isothermal_gas"], (1.0,)).apply(
+        hot
+    ).restoring.exponent == pytest.approx(1.0)
+    assert (
+        ActiveEffect(SIMPLIFICATIONS["no_drum_inertia"], (1.0,)).apply(model()).winch.inertia == 0.0
+    )
 
 
-# ------------------------------------------------------------------------------------------------------------ descriptions
+# ----------------------------------------------------------------------------------- descriptions
 @every_effect
 def test_the_report_of_an_effect_has_all_of_its_declaration(name: str) -> None:
     text, effect = " ".join(terminal_text(effects_report(name)).split()), EFFECTS[name]
-    assert all(part in text for part in (effect.summary, effect.shows_as, effect.taken_for, effect.source))
+    assert all(
+        part in text for part in (effect.summary, effect.shows_as, effect.taken_for, effect.source)
+    )
     for field in effect.fields:
         scale = field.scale.replace("_", " ")
         row = f"{field.name} {field.unit} {field.low:g} to {field.high:g} {scale} {field.absent:g} {field.source}"
@@ -342,16 +401,23 @@ STAGES = {"generator": "Generator", "gearbox": "Gearbox", "transmission": "Trans
 
 
 def paragraph(effect: Effect) -> str:
-    """An effect as the page describes it: what is reported of it, what the baseline lacks, in italics where it shows."""
+    """An effect as the page describes it: what is reported of it, what the baseline lacks, in
+    italics where it shows.
+    """
     text = f"**`{effect.name}`** (`{effect.parameter}`, {effect.unit}): {effect.summary} *{effect.shows_as}*"
     return textwrap.fill(text, 128, break_on_hyphens=False, break_long_words=False)
 
 
 def page() -> str:
-    """The page of the effects: its introduction as it is, the rest from the declarations and the parts."""
+    """The page of the effects: its introduction as it is, the rest from the declarations and the
+    parts.
+    """
     parts = [PAGE.read_text(encoding="utf-8").split("\n\n## ")[0]]
     for stage, heading in STAGES.items():
-        parts += [f"## {heading}", *(paragraph(effect) for effect in EFFECTS.values() if effect.stage == stage)]
+        parts += [
+            f"## {heading}",
+            *(paragraph(effect) for effect in EFFECTS.values() if effect.stage == stage),
+        ]
     rows = ["|number|unit|by default|what it is|", "|---|---|---|---|"]
     for part, kind in PARTS.items():
         for name, number in numbers_of(part).items():

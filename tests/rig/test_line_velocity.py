@@ -1,4 +1,6 @@
-"""The velocity that drives a model: taken from the displacement too where that is more precise than the velocity."""
+"""The velocity that drives a model: taken from the displacement too where that is more precise
+than the velocity.
+"""
 
 import math
 from collections.abc import Callable
@@ -35,7 +37,9 @@ def log_of(fs: float, sd: float, seed: int = 3) -> Run:
     t = np.arange(0.0, T[-1], 1.0 / fs)
     velocity = np.interp(t, T, V) + np.random.default_rng(seed).normal(0.0, sd, t.size)
     displacement = np.round(np.interp(t, T, X) / RESOLUTION) * RESOLUTION
-    return Run("made.csv", t, {"displacement": displacement, "velocity": velocity}, fs, t.size, load=4.5)
+    return Run(
+        "made.csv", t, {"displacement": displacement, "velocity": velocity}, fs, t.size, load=4.5
+    )
 
 
 def with_displacement(run: Run, displacement: Signal | None) -> Run:
@@ -52,9 +56,14 @@ def alone(run: Run) -> Signal:
 
 
 @pytest.mark.parametrize("fs", [5.0, 10.0, 25.0])
-def test_a_precise_displacement_takes_more_than_half_of_the_noise_from_a_velocity(fs: float) -> None:
+def test_a_precise_displacement_takes_more_than_half_of_the_noise_from_a_velocity(
+    fs: float,
+) -> None:
     run = log_of(fs, 0.015)
-    found, exact = line_velocity(run, RAMP), line_velocity(with_displacement(log_of(fs, 0.0), None), RAMP).value
+    found, exact = (
+        line_velocity(run, RAMP),
+        line_velocity(with_displacement(log_of(fs, 0.0), None), RAMP).value,
+    )
     without, with_it = (float(np.std(value - exact)) for value in (alone(run), found.value))
     assert with_it < 0.5 * without
     assert found.noise() < 0.5 * without
@@ -96,18 +105,24 @@ DISPLACEMENTS: dict[str, Callable[[Run], Signal | None]] = {
 
 
 @pytest.mark.parametrize("what", DISPLACEMENTS)
-def test_a_displacement_that_is_not_more_precise_or_contradicts_the_velocity_is_not_used(what: str) -> None:
+def test_a_displacement_that_is_not_more_precise_or_contradicts_the_velocity_is_not_used(
+    what: str,
+) -> None:
     run = log_of(10.0, 0.006)
     assert line_velocity(run, RAMP).of_displacement.any()
     found = line_velocity(with_displacement(run, DISPLACEMENTS[what](run)), RAMP)
     assert np.array_equal(found.value, alone(run))
-    assert found.noise() == pytest.approx(0.006 * math.sqrt(59.0 / 231.0), rel=WITHIN)  # a quadratic of 9 samples
+    assert found.noise() == pytest.approx(
+        0.006 * math.sqrt(59.0 / 231.0), rel=WITHIN
+    )  # a quadratic of 9 samples
 
 
 def test_uneven_stamps_count_as_noise_of_the_displacement() -> None:
     run = log_of(10.0, 0.006)
     jitter = np.random.default_rng(5).uniform(-1e-3, 1e-3, run.t.size)
-    assert not line_velocity(msgspec.structs.replace(run, t=run.t + jitter), RAMP).of_displacement.any()
+    assert not line_velocity(
+        msgspec.structs.replace(run, t=run.t + jitter), RAMP
+    ).of_displacement.any()
 
 
 def test_a_bridged_displacement_is_not_used() -> None:

@@ -1,4 +1,6 @@
-"""Restoring modules of every kind, and a machine on the shaft of the drum: laws with a closed form, and what a file states."""
+"""Restoring modules of every kind, and a machine on the shaft of the drum: laws with a closed
+form, and what a file states.
+"""
 
 import math
 
@@ -18,7 +20,9 @@ from winchcascade.rig.parts import Model, with_part
 from winchcascade.rig.simulate import Simulation, simulate
 
 STEP_ERROR = 5e-4
-"""Error of a step of 1 ms, as a share of the plateau of a channel; in open circuit of the whole torque of a loaded run."""
+"""Error of a step of 1 ms, as a share of the plateau of a channel; in open circuit of the whole
+torque of a loaded run.
+"""
 
 BALANCE = 1e-4
 """Share of the energy of the line that the ledger may miss."""
@@ -34,7 +38,9 @@ def lossless(kind: str) -> Model:
 
 
 def haul_in(made: Simulation) -> tuple[float, float, float]:
-    """Energy that the last haul-in returns to the line [J], and the displacement where it begins and ends [m]."""
+    """Energy that the last haul-in returns to the line [J], and the displacement where it begins
+    and ends [m].
+    """
     x, line = made.run.channels["displacement"], made.energy["line"]
     begin = int(np.argmax(x))
     return float(line[begin] - line[-1]), float(x[begin]), float(x[-1])
@@ -42,14 +48,18 @@ def haul_in(made: Simulation) -> tuple[float, float, float]:
 
 @every_shaft
 @every_kind
-def test_the_energy_of_the_line_is_accounted_for_and_half_the_step_changes_nothing(kind: str, shaft: str) -> None:
+def test_the_energy_of_the_line_is_accounted_for_and_half_the_step_changes_nothing(
+    kind: str, shaft: str
+) -> None:
     run, model = motion_run(load=12.0, cycles=1), baseline(own_rig(kind, shaft))
     made, fine = simulate(run, model), simulate(run, model, step=5e-4)
     for at in (int(np.argmax(made.energy["line"])), -1):
         booked = sum(float(joule[at]) for entry, joule in made.energy.items() if entry != "line")
         assert booked == pytest.approx(float(made.energy["line"][at]), rel=BALANCE)
     for name, x in fine.run.channels.items():
-        assert np.max(np.abs(x - made.run.channels[name])) < STEP_ERROR * np.quantile(np.abs(x), 0.95), name
+        assert np.max(np.abs(x - made.run.channels[name])) < STEP_ERROR * np.quantile(
+            np.abs(x), 0.95
+        ), name
     assert ("pressure" in made.run.channels) == (kind == "gas_screw")
     assert (made.energy["gas"][-1] != 0.0) == (kind == "gas_screw")
 
@@ -59,13 +69,21 @@ def test_a_counterweight_returns_its_weight_times_the_way_in_haul_in() -> None:
     assert returned == pytest.approx(40.0 * KGF * (begin - end), rel=1e-3)
 
 
-def test_a_spring_returns_what_its_force_and_half_its_stiffness_times_the_square_of_the_way_hold() -> None:
+def test_a_spring_returns_what_its_force_and_half_its_stiffness_times_the_square_of_the_way_hold() -> (
+    None
+):
     returned, begin, end = haul_in(simulate(motion_run(cycles=1), lossless("spring")))
-    assert returned == pytest.approx(300.0 * (begin - end) + 0.5 * 40.0 * (begin**2 - end**2), rel=1e-3)
+    assert returned == pytest.approx(
+        300.0 * (begin - end) + 0.5 * 40.0 * (begin**2 - end**2), rel=1e-3
+    )
 
 
-@pytest.mark.parametrize(("kind", "newton"), [("spring", 300.0), ("counterweight", 40.0 * KGF), ("none", 0.0)])
-def test_the_tension_at_rest_before_a_payout_is_that_of_the_restoring_module_alone(kind: str, newton: float) -> None:
+@pytest.mark.parametrize(
+    ("kind", "newton"), [("spring", 300.0), ("counterweight", 40.0 * KGF), ("none", 0.0)]
+)
+def test_the_tension_at_rest_before_a_payout_is_that_of_the_restoring_module_alone(
+    kind: str, newton: float
+) -> None:
     force = simulate(motion_run(cycles=1), baseline(own_rig(kind))).run.channels["force"]
     assert force[0] == pytest.approx(newton, abs=1e-9)
 
@@ -75,15 +93,20 @@ def test_the_inertia_of_a_counterweight_is_its_mass_times_the_acceleration_of_th
     heavy = with_part(light, "restoring", mass=light.restoring.mass + 10.0)
     made, more = (simulate(run, model) for model in (light, heavy))
     a = np.interp(run.t, made.motion.t, made.motion.a)
-    assert more.run.channels["force"] - made.run.channels["force"] == pytest.approx(10.0 * (KGF + a), abs=1e-6)
+    assert more.run.channels["force"] - made.run.channels["force"] == pytest.approx(
+        10.0 * (KGF + a), abs=1e-6
+    )
 
 
 @every_shaft
 def test_a_rope_that_nothing_keeps_taut_is_slack_in_haul_in_and_a_rod_is_pushed(shaft: str) -> None:
-    rod = parse_rig(own_text("none", shaft).replace("[winch]", "[winch]\nline_can_push = true"), "rod.toml")
+    rod = parse_rig(
+        own_text("none", shaft).replace("[winch]", "[winch]\nline_can_push = true"), "rod.toml"
+    )
     run = motion_run(load=12.0, cycles=1)
     rope, pushed = (
-        simulate(run, with_part(baseline(rig), "winch", friction=4.0)).run for rig in (own_rig("none", shaft), rod)
+        simulate(run, with_part(baseline(rig), "winch", friction=4.0)).run
+        for rig in (own_rig("none", shaft), rod)
     )
     hauled = run.channels["velocity"] < -0.2
     assert np.all(rope.channels["force"][hauled] == 0.0)
@@ -100,23 +123,35 @@ def test_stages_of_a_simulation_give_it_back(kind: str, shaft: str) -> None:
     assert plateau is not None
     on = (run.t >= plateau.begin) & (run.t <= plateau.braking)
     stages = [output.stage for output in stage_outputs(run, model)]
-    assert stages == [*(["restoring"] if kind == "gas_screw" else []), "transmission", "gearbox", "generator", "load"]
+    assert stages == [
+        *(["restoring"] if kind == "gas_screw" else []),
+        "transmission",
+        "gearbox",
+        "generator",
+        "load",
+    ]
     for output in stage_outputs(run, model):
         seen = run.channels[output.channel][on]
-        assert np.sqrt(np.mean((output.predicted[on] - seen) ** 2)) < 5e-3 * np.mean(seen), output.stage
+        assert np.sqrt(np.mean((output.predicted[on] - seen) ** 2)) < 5e-3 * np.mean(seen), (
+            output.stage
+        )
 
 
-def test_a_direct_drive_turns_the_machine_with_the_drum_and_its_bins_are_narrower_than_its_speed() -> None:
+def test_a_direct_drive_turns_the_machine_with_the_drum_and_its_bins_are_narrower_than_its_speed() -> (
+    None
+):
     rig = own_rig("spring", "direct")
     made = simulate(motion_run(load=12.0, cycles=1), baseline(rig))
     top = int(np.argmax(made.run.channels["velocity"]))
-    assert made.rpm_gen[top] == pytest.approx(made.run.channels["velocity"][top] / 0.2 * 30.0 / math.pi, rel=0.01)
+    assert made.rpm_gen[top] == pytest.approx(
+        made.run.channels["velocity"][top] / 0.2 * 30.0 / math.pi, rel=0.01
+    )
     bins = reduce(made.run, rig=rig).bins
     assert len(bins) >= 5
     assert bins[-1].rpm_high <= 60.0
 
 
-# ----------------------------------------------------------------------------------------------------- what a rig file states
+# ------------------------------------------------------------------------- what a rig file states
 def lacking(text: str) -> str:
     found = model_of(parse_rig(text, "mine.toml"))
     assert isinstance(found, NoModel)
@@ -167,7 +202,12 @@ def test_a_module_of_another_kind_replaces_that_of_the_rig_below_whole() -> None
     assert rig.restoring == own_rig("spring").restoring
     assert baseline(rig).restoring.stiffness == 40.0
     assert "pressure" not in rig.sensors
-    assert parse_rig('based_on = "hsu2026"\n[restoring]\nkind = "gas_screw"\n', "mine.toml").restoring.lead is not None
+    assert (
+        parse_rig(
+            'based_on = "hsu2026"\n[restoring]\nkind = "gas_screw"\n', "mine.toml"
+        ).restoring.lead
+        is not None
+    )
 
 
 def test_a_machine_on_the_shaft_of_the_drum_takes_no_mesh_efficiency_from_the_rig_below() -> None:

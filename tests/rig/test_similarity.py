@@ -1,4 +1,6 @@
-"""A rig and its motion in other units of nature behave alike: every number is the same times its factor."""
+"""A rig and its motion in other units of nature behave alike: every number is the same times its
+factor.
+"""
 
 from functools import cache
 
@@ -38,9 +40,11 @@ def rig_of(kind: str) -> Rig:
 
 def kind_of(effect: str) -> str:
     """Restoring module that an effect acts on; that of the paper for all others."""
-    return {"spring_force": "spring", "spring_stiffness": "spring", "counterweight": "counterweight"}.get(
-        effect, KINDS[0]
-    )
+    return {
+        "spring_force": "spring",
+        "spring_stiffness": "spring",
+        "counterweight": "counterweight",
+    }.get(effect, KINDS[0])
 
 
 @cache
@@ -57,12 +61,22 @@ def at(effect: Effect, rig: Rig, run: Run) -> ActiveEffect:
 
 
 def assert_alike(nature: Nature, one: Simulation, other: Simulation) -> None:
-    """What sensors read, what none reads and where the energy goes, each against its largest value."""
+    """What sensors read, what none reads and where the energy goes, each against its largest
+    value.
+    """
     expected, found = run_in(nature, one.run).channels, other.run.channels
-    unlogged = {"rpm_gen": nature.rotor, "i_s": nature.ampere, "torque_em": nature.torque / nature.gear}
+    unlogged = {
+        "rpm_gen": nature.rotor,
+        "i_s": nature.ampere,
+        "torque_em": nature.torque / nature.gear,
+    }
     pairs = {name: (expected[name], found[name]) for name in expected}
-    pairs |= {name: (getattr(one, name) * by, getattr(other, name)) for name, by in unlogged.items()}
-    pairs |= {name: (joule * nature.torque, other.energy[name]) for name, joule in one.energy.items()}
+    pairs |= {
+        name: (getattr(one, name) * by, getattr(other, name)) for name, by in unlogged.items()
+    }
+    pairs |= {
+        name: (joule * nature.torque, other.energy[name]) for name, joule in one.energy.items()
+    }
     for name, (x, y) in pairs.items():
         assert np.max(np.abs(y - x)) <= EXACTLY * np.max(np.abs(x)), name
 
@@ -81,9 +95,14 @@ def test_the_scales_of_a_motion_are_those_of_its_units(nature: Nature) -> None:
 @FEW
 @example(BENCH)
 @given(natures())
-def test_a_simulation_is_that_of_the_rig_of_the_paper_times_the_units(load: float, nature: Nature) -> None:
+def test_a_simulation_is_that_of_the_rig_of_the_paper_times_the_units(
+    load: float, nature: Nature
+) -> None:
     rig = rig_of(KINDS[0])
-    one, other = simulate(log(load), baseline(rig)), simulate(run_in(nature, log(load)), baseline(rig_in(nature, rig)))
+    one, other = (
+        simulate(log(load), baseline(rig)),
+        simulate(run_in(nature, log(load)), baseline(rig_in(nature, rig))),
+    )
     assert_alike(nature, one, other)
 
 
@@ -92,7 +111,10 @@ def test_a_simulation_is_that_of_the_rig_of_the_paper_times_the_units(load: floa
 @given(natures())
 def test_so_is_that_of_a_spring(nature: Nature) -> None:
     rig = rig_of("spring")
-    one, other = simulate(log(18.0), baseline(rig)), simulate(run_in(nature, log(18.0)), baseline(rig_in(nature, rig)))
+    one, other = (
+        simulate(log(18.0), baseline(rig)),
+        simulate(run_in(nature, log(18.0)), baseline(rig_in(nature, rig))),
+    )
     assert_alike(nature, one, other)
 
 
@@ -101,7 +123,10 @@ def test_so_is_that_of_a_spring(nature: Nature) -> None:
 @given(natures(with_weights=True))
 def test_so_is_that_of_a_counterweight_where_gravity_stays(nature: Nature) -> None:
     rig = rig_of("counterweight")
-    one, other = simulate(log(18.0), baseline(rig)), simulate(run_in(nature, log(18.0)), baseline(rig_in(nature, rig)))
+    one, other = (
+        simulate(log(18.0), baseline(rig)),
+        simulate(run_in(nature, log(18.0)), baseline(rig_in(nature, rig))),
+    )
     assert_alike(nature, one, other)
 
 
@@ -115,9 +140,9 @@ def test_the_range_of_an_effect_has_the_unit_of_its_field(name: str, nature: Nat
     other = EFFECTS[name].at(scales_on(rig_in(nature, rig), [run_in(nature, run)]))
     for field, own, factor in zip(one.fields, other.fields, factors_of(nature, one), strict=True):
         ends = np.array([field.low, field.high, *field.possible, field.absent])
-        assert [own.low, own.high, *own.possible, own.absent] == pytest.approx(list(factor * ends), rel=ROUNDING), (
-            field.name
-        )
+        assert [own.low, own.high, *own.possible, own.absent] == pytest.approx(
+            list(factor * ends), rel=ROUNDING
+        ), field.name
         assert own.share == field.share
 
 

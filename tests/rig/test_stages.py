@@ -1,4 +1,6 @@
-"""Stage by stage: each is right from its own inputs, and an error upstream leaves those downstream alone."""
+"""Stage by stage: each is right from its own inputs, and an error upstream leaves those
+downstream alone.
+"""
 
 import math
 from pathlib import Path
@@ -18,11 +20,21 @@ from winchcascade.rig.physics import REST
 from winchcascade.rig.stages import MOVING, StageOutput
 
 MODEL = baseline(built_in())
-SHARE = {"restoring": 0.0025, "transmission": 0.005, "gearbox": 0.01, "generator": 0.01, "load": 0.006}
-"""Largest rms difference over the plateaus, as a share of their mean; of it 0.15, 0.3, 0.6, 0.8 and 0.4 % were seen."""
+SHARE = {
+    "restoring": 0.0025,
+    "transmission": 0.005,
+    "gearbox": 0.01,
+    "generator": 0.01,
+    "load": 0.006,
+}
+"""Largest rms difference over the plateaus, as a share of their mean; of it 0.15, 0.3, 0.6, 0.8
+and 0.4 % were seen.
+"""
 
 IN_OPEN_CIRCUIT = 0.08
-"""The torque of an open circuit is that of the damper alone, about 15 N m: half a newton metre of noise is 5 % of it."""
+"""The torque of an open circuit is that of the damper alone, about 15 N m: half a newton metre
+of noise is 5 % of it.
+"""
 
 
 def plateaus(run: Run) -> np.ndarray:
@@ -43,7 +55,9 @@ def rms(x: np.ndarray) -> float:
 
 
 def with_gain(run: Run, name: str, factor: float) -> Run:
-    return msgspec.structs.replace(run, channels={**run.channels, name: factor * run.channels[name]})
+    return msgspec.structs.replace(
+        run, channels={**run.channels, name: factor * run.channels[name]}
+    )
 
 
 @pytest.mark.parametrize("log", list(LOADS))
@@ -58,18 +72,28 @@ def test_stages_follow_a_campaign_without_an_effect(shared: Path, case: str, log
     assert len(outputs) == (4 if run.open_circuit else 5)
     for output in outputs:
         measured = run.channels[output.channel][on]
-        maximum = IN_OPEN_CIRCUIT if run.open_circuit and output.channel == "torque" else SHARE[output.stage]
-        assert rms(output.predicted[on] - measured) < maximum * float(np.mean(measured)), output.stage
+        maximum = (
+            IN_OPEN_CIRCUIT
+            if run.open_circuit and output.channel == "torque"
+            else SHARE[output.stage]
+        )
+        assert rms(output.predicted[on] - measured) < maximum * float(np.mean(measured)), (
+            output.stage
+        )
         assert np.mean(np.isfinite(output.predicted[on])) > 0.9, output.stage
 
 
 @pytest.mark.parametrize("load", [math.inf, 18.0, 4.5])
 def test_stages_of_a_simulation_give_it_back(load: float) -> None:
-    model = with_part(MODEL, "winch", friction=5.0, drag=0.8, layering=0.002, stribeck=4.0, stribeck_speed=0.4)
+    model = with_part(
+        MODEL, "winch", friction=5.0, drag=0.8, layering=0.002, stribeck=4.0, stribeck_speed=0.4
+    )
     model = with_part(model, "winch", loss_share=0.05)
     model = with_part(model, "restoring", seal_friction=300.0, stribeck=3.0, exponent=1.2)
     model = with_part(model, "drivetrain", windage=1e-7, friction=0.05)
-    model = with_part(model, "generator", rolloff=(1.0, 1.0, 0.99, 0.97, 0.94, 0.9, 0.86, 0.8, 0.7), r_diode=0.05)
+    model = with_part(
+        model, "generator", rolloff=(1.0, 1.0, 0.99, 0.97, 0.94, 0.9, 0.86, 0.8, 0.7), r_diode=0.05
+    )
     errors = Sensors(gain={"vdc": 0.02}, zero={"force": 20.0}, electrical_lag=0.04)
     model = msgspec.structs.replace(model, sensors=errors)
     run = simulate(motion_run(load=load), model).run
@@ -92,8 +116,12 @@ def test_an_error_of_one_channel_moves_only_the_stages_that_look_at_it(name: str
     on = plateaus(run)
     right, wrong = by_stage(run, MODEL), by_stage(with_gain(run, name, 1.05), MODEL)
     for stage, output in right.items():
-        moved = rms((wrong[stage].predicted - output.predicted)[on]) / float(np.nanmean(output.predicted[on]))
-        least, most = (0.004, math.inf) if stage in UPSTREAM[name] else (0.0, 1e-4 if name == "vdc" else 0.0)
+        moved = rms((wrong[stage].predicted - output.predicted)[on]) / float(
+            np.nanmean(output.predicted[on])
+        )
+        least, most = (
+            (0.004, math.inf) if stage in UPSTREAM[name] else (0.0, 1e-4 if name == "vdc" else 0.0)
+        )
         assert least <= moved <= most, stage
 
 
@@ -114,7 +142,11 @@ def test_what_a_stage_cannot_say_is_not_a_number() -> None:
     resting, runs_on = np.abs(v) < 0.5 * fast, (v > fast) & (torque == 0.0)
     assert np.all(np.isfinite(outputs["restoring"]))
     assert np.count_nonzero(runs_on) > 10
-    for stage, where in (("transmission", resting), ("gearbox", resting | runs_on), ("generator", v < 0.0)):
+    for stage, where in (
+        ("transmission", resting),
+        ("gearbox", resting | runs_on),
+        ("generator", v < 0.0),
+    ):
         assert np.all(np.isnan(outputs[stage][where])), stage
     assert outputs["transmission"][v < -0.5] == pytest.approx(0.0, abs=1e-6)
 
@@ -127,9 +159,13 @@ def test_what_a_stage_cannot_say_is_not_a_number() -> None:
         (("force", "vdc", "idc", "displacement"), ["restoring"]),
     ],
 )
-def test_a_stage_whose_inputs_are_not_logged_is_left_out(missing: tuple[str, ...], left: list[str]) -> None:
+def test_a_stage_whose_inputs_are_not_logged_is_left_out(
+    missing: tuple[str, ...], left: list[str]
+) -> None:
     run = made_log(load=18.0, cycles=1)
-    bare = msgspec.structs.replace(run, channels={k: x for k, x in run.channels.items() if k not in missing})
+    bare = msgspec.structs.replace(
+        run, channels={k: x for k, x in run.channels.items() if k not in missing}
+    )
     assert [output.stage for output in stage_outputs(bare, MODEL)] == left
     unknown = by_stage(msgspec.structs.replace(run, load=None), MODEL)
     assert "load" not in unknown

@@ -22,17 +22,30 @@ from winchcascade.sea.coupled import POWERS, float_in_waves
 from winchcascade.sea.hydrodynamics import Hydrodynamics
 from winchcascade.sea.in_sea import PLACE, fixed, losses, ripple_of, run, scheduled
 from winchcascade.sea.line_motion import FOLLOWER, FloatResponse, SeaPath, path_in_waves
-from winchcascade.sea.wave_spectra import PIERSON_MOSKOWITZ, ComplexSignal, SeaState, Waves, realised
+from winchcascade.sea.wave_spectra import (
+    PIERSON_MOSKOWITZ,
+    ComplexSignal,
+    SeaState,
+    Waves,
+    realised,
+)
 
 SEA, MINUTES_2 = SeaState(0.8, 4.0), 120.0
 SIZES = {"paper": 1.0, "small": 0.1, "large": 6.0}
 
 
 def sized(length: float) -> tuple[Model, SeaState, float]:
-    """The rig of the paper, a sea and a duration, all larger by Froude's law; pressures do not follow it."""
+    """The rig of the paper, a sea and a duration, all larger by Froude's law; pressures do not
+    follow it.
+    """
     model, time, torque = baseline(built_in()).physics, math.sqrt(length), length**4
     model = with_part(model, "winch", r_drum=0.13 * length, inertia=0.3 * torque * time**2)
-    model = with_part(model, "restoring", lead=model.restoring.lead * length, area=model.restoring.area * length**3)
+    model = with_part(
+        model,
+        "restoring",
+        lead=model.restoring.lead * length,
+        area=model.restoring.area * length**3,
+    )
     model = with_part(model, "restoring", volume=model.restoring.volume * torque)
     shaft, machine = model.drivetrain, model.generator
     model = with_part(
@@ -64,12 +77,16 @@ def damper(torque_per_speed: float) -> Model:
 
 
 def cylinder() -> Hydrodynamics:
-    """A float of smooth coefficients that nearly obey the relations of Kramers and Kronig, with a natural period of 3 s."""
+    """A float of smooth coefficients that nearly obey the relations of Kramers and Kronig, with
+    a natural period of 3 s.
+    """
     omega = np.linspace(0.05, 12.0, 240)
     decay, size = 1.2, 400.0
     damping = 2.0 * size * decay * omega**2 / ((decay**2 + omega**2) ** 2) * decay
     t = np.arange(0.0, 25.0, 0.01)
-    kernel = np.array([2.0 / np.pi * np.trapezoid(damping * np.cos(omega * now), omega) for now in t])
+    kernel = np.array(
+        [2.0 / np.pi * np.trapezoid(damping * np.cos(omega * now), omega) for now in t]
+    )
     added = 300.0 - np.array([np.trapezoid(kernel * np.sin(w * t), t) / w for w in omega])
     excitation = 6000.0 * np.exp(-((omega / 3.0) ** 2)) * np.exp(-0.1j * omega)
     return Hydrodynamics(omega, added, damping, excitation, 1200.0, 6600.0)
@@ -84,7 +101,9 @@ def own_response(body: Hydrodynamics, waves: Waves, brake: float) -> ComplexSign
 
 
 @pytest.mark.parametrize("gamma", [PIERSON_MOSKOWITZ, 3.3])
-def test_a_realisation_has_the_variance_of_its_sea_and_depends_on_its_seed_alone(gamma: float) -> None:
+def test_a_realisation_has_the_variance_of_its_sea_and_depends_on_its_seed_alone(
+    gamma: float,
+) -> None:
     sea = SeaState(1.5, 6.0, gamma)
     first, again, other = (realised(sea, 600.0, seed) for seed in (1, 1, 2))
     surface = first.sampled(first.amplitude, 6000)
@@ -107,12 +126,16 @@ def test_a_linear_damper_takes_the_power_of_the_spectrum() -> None:
 def test_a_float_of_known_response_moves_the_line_by_it() -> None:
     waves, model = realised(SEA, MINUTES_2, 4), baseline(built_in()).physics
     half = FloatResponse(np.array([1e-3, 10.0]), np.array([0.5j, 0.5j]))
-    surface, moved = (path_in_waves(model, waves, body, SEA.tp, 2.0).motion for body in (FOLLOWER, half))
+    surface, moved = (
+        path_in_waves(model, waves, body, SEA.tp, 2.0).motion for body in (FOLLOWER, half)
+    )
     assert float(np.std(moved.x)) == pytest.approx(0.5 * float(np.std(surface.x)), rel=0.01)
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_the_energy_of_the_line_is_delivered_or_lost_and_half_the_step_changes_nothing(size: str) -> None:
+def test_the_energy_of_the_line_is_delivered_or_lost_and_half_the_step_changes_nothing(
+    size: str,
+) -> None:
     model, sea, duration = sized(SIZES[size])
     waves, loads = realised(sea, duration, 5), 20.0 * model.dc_link.r_bleed / 4500.0
     payout = 3.0 * SIZES[size]
@@ -137,7 +160,9 @@ def test_a_schedule_of_one_load_is_that_load() -> None:
 
 def test_a_float_without_its_rig_has_its_own_response() -> None:
     body, waves = cylinder(), realised(SeaState(0.5, 4.0), 200.0, 7)
-    path, _ = float_in_waves(baseline(built_in()).physics, waves, body, 4.0, 2.0, fixed(20.0), acts=False)
+    path, _ = float_in_waves(
+        baseline(built_in()).physics, waves, body, 4.0, 2.0, fixed(20.0), acts=False
+    )
     moved = path.motion.x[path.first :] - 2.0
     expected = waves.sampled(own_response(body, waves, 0.0), moved.size)
     late = slice(moved.size // 2, None)  # what is left of the start has faded
@@ -156,7 +181,11 @@ def test_a_float_with_a_linear_damper_has_the_power_of_the_frequency_domain() ->
 
 
 def test_waves_float_and_rig_balance() -> None:
-    body, waves, model = cylinder(), realised(SeaState(0.5, 4.0), 100.0, 9), baseline(built_in()).physics
+    body, waves, model = (
+        cylinder(),
+        realised(SeaState(0.5, 4.0), 100.0, 9),
+        baseline(built_in()).physics,
+    )
     model = with_part(model, "winch", inertia=0.1)
     path, powers = float_in_waves(model, waves, body, 4.0, 2.0, fixed(20.0))
     mean = dict(zip(POWERS, powers[path.first :].mean(axis=0), strict=True))
@@ -182,7 +211,9 @@ def test_waves_as_a_motion_give_what_a_design_gives_along_it() -> None:
 
 
 def test_the_pulses_of_a_bridge_are_those_of_a_switched_circuit() -> None:
-    """What they cost beside what rotor, link, phases and switched diodes lose beyond a bridge on a stiff link."""
+    """What they cost beside what rotor, link, phases and switched diodes lose beyond a bridge on
+    a stiff link.
+    """
     twin = draw_twin(Hidden({}), np.random.default_rng(0), scatter=0.0)
     model, n = baseline(built_in()).physics, twin.numbers
     model = with_part(model, "generator", k_e=n.k_e, r_s=n.r_s, l_s=n.l_s)

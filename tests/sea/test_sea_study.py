@@ -1,4 +1,6 @@
-"""A corrected rig in several seas: bands, energy of a year, loads, limits, domain, Froude's law, files and what is refused."""
+"""A corrected rig in several seas: bands, energy of a year, loads, limits, domain, Froude's law,
+files and what is refused.
+"""
 
 import json
 import math
@@ -52,14 +54,18 @@ def test_the_best_load_of_a_sea_gives_no_less_than_that_of_all(found: SeaStudy) 
         )
 
 
-def test_a_sea_over_a_limit_and_one_beyond_the_logs_are_flagged(small: RigPosterior, covered: Covered) -> None:
+def test_a_sea_over_a_limit_and_one_beyond_the_logs_are_flagged(
+    small: RigPosterior, covered: Covered
+) -> None:
     rough = Seas((SeaState(0.3, 5.0), SeaState(2.0, 5.0)), (1.0, 1.0), minutes=1.0)
     calm, high = sea_study(small, covered, rough, load=9.0, draws=0, limits={"speed": 2000.0}).rows
     assert (calm.exceeds, high.exceeds) == ((), ("speed",))
     assert calm.outside < 0.05 < 0.3 < high.outside
 
 
-def test_a_sea_without_room_has_a_reason_and_no_share_of_the_year(small: RigPosterior, covered: Covered) -> None:
+def test_a_sea_without_room_has_a_reason_and_no_share_of_the_year(
+    small: RigPosterior, covered: Covered
+) -> None:
     huge = Seas((SeaState(0.3, 5.0), SeaState(200.0, 20.0)), (1.0, 1.0), minutes=1.0)
     found = sea_study(small, covered, huge, load=9.0, draws=0)
     assert not found.rows[0].reason
@@ -68,17 +74,25 @@ def test_a_sea_without_room_has_a_reason_and_no_share_of_the_year(small: RigPost
 
 
 def test_froude_scales_powers_of_the_same_waves(small: RigPosterior, covered: Covered) -> None:
-    large = Seas((SeaState(3.0, 5.0 * math.sqrt(10.0)),), (1.0,), froude=10.0, minutes=math.sqrt(10.0))
+    large = Seas(
+        (SeaState(3.0, 5.0 * math.sqrt(10.0)),), (1.0,), froude=10.0, minutes=math.sqrt(10.0)
+    )
     (scaled,) = sea_study(small, covered, large, load=9.0, draws=0).rows
-    (own,) = sea_study(small, covered, Seas((SeaState(0.3, 5.0),), (1.0,), minutes=1.0), load=9.0, draws=0).rows
-    assert scaled.values["p_gen_w"].value == pytest.approx(10.0**3.5 * own.values["p_gen_w"].value, rel=1e-6)
+    (own,) = sea_study(
+        small, covered, Seas((SeaState(0.3, 5.0),), (1.0,), minutes=1.0), load=9.0, draws=0
+    ).rows
+    assert scaled.values["p_gen_w"].value == pytest.approx(
+        10.0**3.5 * own.values["p_gen_w"].value, rel=1e-6
+    )
     assert scaled.values["i_s_a"].value == pytest.approx(own.values["i_s_a"].value, rel=1e-6)
 
 
 def test_draws_have_the_spread_of_the_posterior(small: RigPosterior) -> None:
     own = np.array([model.generator.k_e for model in small.draws(400, 1)])
     assert float(np.std(own) / np.mean(own)) == pytest.approx(0.004, rel=0.15)
-    assert [model.generator.k_e for model in small.draws(3, 1)] == [model.generator.k_e for model in small.draws(3, 1)]
+    assert [model.generator.k_e for model in small.draws(3, 1)] == [
+        model.generator.k_e for model in small.draws(3, 1)
+    ]
 
 
 def test_rows_of_a_scatter_table_are_put_into_bins(tmp_path: Path) -> None:
@@ -106,10 +120,16 @@ def test_the_command_writes_its_files_and_refuses_an_unexplained_gap(
 ) -> None:
     options = ["--hs", "0.3", "--tp", "4,5", "--minutes", "1", "--draws", "4", "--load", "9"]
     source = str(written(tmp_path, small, covered, "explained"))
-    made = call("sea", source, *options, "--json", f"{tmp_path}/sea.json", "--csv", f"{tmp_path}/sea.csv")
+    made = call(
+        "sea", source, *options, "--json", f"{tmp_path}/sea.json", "--csv", f"{tmp_path}/sea.csv"
+    )
     assert made.code == 0
     record = json.loads((tmp_path / "sea.json").read_text())
-    assert (record["schema"], record["verdict"], record["seed"]) == ("winchcascade/sea/1", "explained", 0)
+    assert (record["schema"], record["verdict"], record["seed"]) == (
+        "winchcascade/sea/1",
+        "explained",
+        0,
+    )
     assert [row["tp_s"] for row in record["rows"]] == [4.0, 5.0]
     assert (tmp_path / "sea.csv").read_text().splitlines()[1].endswith(",explained")
     source = str(written(tmp_path, small, covered, "unexplained"))
@@ -140,7 +160,11 @@ def test_a_float_is_read_from_what_bemio_and_capytaine_write(tmp_path: Path) -> 
             six[2, 0] = values / rho / g
             file[f"body1/hydro_coeffs/excitation/{part}"] = six
     with h5py.File(tmp_path / "capytaine.nc", "w") as file:
-        dimensions = {"omega": omega, "complex": np.array([b"re", b"im"]), "wave_direction": np.zeros(1)}
+        dimensions = {
+            "omega": omega,
+            "complex": np.array([b"re", b"im"]),
+            "wave_direction": np.zeros(1),
+        }
         dimensions |= {name: np.array([b"Heave"]) for name in ("radiating_dof", "influenced_dof")}
         for name, values in dimensions.items():
             file[name] = values
@@ -148,7 +172,10 @@ def test_a_float_is_read_from_what_bemio_and_capytaine_write(tmp_path: Path) -> 
         pair = ("influenced_dof", "radiating_dof")
         named = {
             "added_mass": (added[:, None, None], ("omega", "radiating_dof", "influenced_dof")),
-            "radiation_damping": (damping[:, None, None], ("omega", "radiating_dof", "influenced_dof")),
+            "radiation_damping": (
+                damping[:, None, None],
+                ("omega", "radiating_dof", "influenced_dof"),
+            ),
             "inertia_matrix": (np.array([[1200.0]]), pair),
             "hydrostatic_stiffness": (np.array([[6600.0]]), pair),
             "excitation_force": (
@@ -164,7 +191,11 @@ def test_a_float_is_read_from_what_bemio_and_capytaine_write(tmp_path: Path) -> 
         body = read_float(tmp_path / name)
         assert isinstance(body, Hydrodynamics)
         assert (body.mass, body.stiffness) == pytest.approx((1200.0, 6600.0))
-        for own, expected in ((body.added, added), (body.damping, damping), (body.excitation, force)):
+        for own, expected in (
+            (body.added, added),
+            (body.damping, damping),
+            (body.excitation, force),
+        ):
             assert np.allclose(own, expected)
 
 
@@ -172,7 +203,12 @@ def test_a_pulled_float_gives_less_than_a_follower(small: RigPosterior, covered:
     omega = np.linspace(0.1, 8.0, 80)
     damping = 100.0 * omega * np.exp(-omega)
     body = Hydrodynamics(
-        omega, 400.0 + 0.0 * omega, damping, (9000.0 * np.exp(-0.1 * omega)).astype(np.complex128), 900.0, 9000.0
+        omega,
+        400.0 + 0.0 * omega,
+        damping,
+        (9000.0 * np.exp(-0.1 * omega)).astype(np.complex128),
+        900.0,
+        9000.0,
     )
     one = Seas((SeaState(0.4, 6.0),), (1.0,), minutes=1.0)
     pulled = sea_study(small, covered, one, body=body, load=5.0, draws=2).rows[0]
@@ -184,9 +220,15 @@ def wave_log(path: Path, drift: float = 0.0) -> Path:
     """A log of waves that begin and end, about a level that may rise. [m]"""
     t = np.arange(0.0, 160.0, 0.05)
     share = np.clip((t - 25.0) / 10.0, 0.0, 1.0) * np.clip((135.0 - t) / 10.0, 0.0, 1.0)
-    x = np.sum([0.12 * np.sin(2.0 * np.pi * f * t + 9.0 * f) for f in (0.15, 0.18, 0.21, 0.25)], axis=0)
-    rows = zip(t, x * share**2 * (3.0 - 2.0 * share) + drift * share.cumsum() / share.sum(), strict=True)
-    path.write_text("time_s,displacement_m\n" + "".join(f"{now:.2f},{here:.6f}\n" for now, here in rows))
+    x = np.sum(
+        [0.12 * np.sin(2.0 * np.pi * f * t + 9.0 * f) for f in (0.15, 0.18, 0.21, 0.25)], axis=0
+    )
+    rows = zip(
+        t, x * share**2 * (3.0 - 2.0 * share) + drift * share.cumsum() / share.sum(), strict=True
+    )
+    path.write_text(
+        "time_s,displacement_m\n" + "".join(f"{now:.2f},{here:.6f}\n" for now, here in rows)
+    )
     return path
 
 
@@ -200,7 +242,9 @@ def test_a_log_of_waves_gives_what_a_design_gives_along_it(
     seas = seas_of(None, path, (), (), gamma=3.3, minutes=20.0, seed=0)
     found = sea_study(small, covered, seas, load=20.0, draws=0, payout=0.0).rows[0].values
     for power, energy in (("p_gen_w", "e_gen_j"), ("p_line_w", "e_line_j")):
-        assert found[power].value * 60.0 * seas.minutes == pytest.approx(motion.cycles * expected[energy], rel=2e-3)
+        assert found[power].value * 60.0 * seas.minutes == pytest.approx(
+            motion.cycles * expected[energy], rel=2e-3
+        )
     for name in ("rpm", "i_s_a", "force_n", "torque_nm"):
         assert found[name].value == pytest.approx(expected[name], rel=1e-3)
 

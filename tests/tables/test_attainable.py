@@ -1,4 +1,6 @@
-"""What a rig can attain of a table: tables of the model itself, with an effect injected, with holes, and the paper's."""
+"""What a rig can attain of a table: tables of the model itself, with an effect injected, with
+holes, and the paper's.
+"""
 
 from __future__ import annotations
 
@@ -38,17 +40,25 @@ from winchcascade.tables.table_file import load_table
 RIG = built_in()
 SOME = ("copper_heating", "gear_mesh_loss", "screw_friction", "torque_gain", "clutch_drag")
 SIZE = 0.015
-"""How far a recovered value may be off: the payout that made the table is not the middle one. [1]"""
+"""How far a recovered value may be off: the payout that made the table is not the middle one.
+[1]
+"""
 
 Rows = list[dict[str, float]]
 
 
-def judged(table: PublishedTable, *names: str, scatter: float = 0.01, rig: Rig = RIG) -> AttainableRanges:
-    return attainable_ranges(table, rig, {name: EFFECTS[name] for name in names or SOME}, scatter=scatter)
+def judged(
+    table: PublishedTable, *names: str, scatter: float = 0.01, rig: Rig = RIG
+) -> AttainableRanges:
+    return attainable_ranges(
+        table, rig, {name: EFFECTS[name] for name in names or SOME}, scatter=scatter
+    )
 
 
 def made_rows(model: Model) -> Rows:
-    """Rows of three loads: payouts by a curve of their own, a ramp of a sine's shape over 4 s, a ripple of 2 %, braking."""
+    """Rows of three loads: payouts by a curve of their own, a ramp of a sine's shape over 4 s, a
+    ripple of 2 %, braking.
+    """
     rows = []
     t = np.arange(0.0, 13.0, 0.04)
     up, down = np.clip((t - 1.0) / 4.0, 0.0, 1.0), np.clip((t - 10.0) / 1.0, 0.0, 1.0)
@@ -68,7 +78,9 @@ def own_rows() -> tuple[dict[str, float], ...]:
 
 
 def own_table(*left_out: str) -> PublishedTable:
-    return made_table([{name: x for name, x in row.items() if name not in left_out} for row in own_rows()])
+    return made_table(
+        [{name: x for name, x in row.items() if name not in left_out} for row in own_rows()]
+    )
 
 
 @cache
@@ -110,7 +122,11 @@ def test_two_injected_effects_need_a_pair() -> None:
     model = make_effect("gear_mesh_loss", {"efficiency_change": -0.08}).apply(baseline(RIG))
     model = make_effect("screw_friction", {"mu_change": -0.03}).apply(model)
     found = judged(made_table(made_rows(model)))
-    (best,) = [values for values in found.sets if set(values.fields) == {"gear_mesh_loss", "screw_friction"}]
+    (best,) = [
+        values
+        for values in found.sets
+        if set(values.fields) == {"gear_mesh_loss", "screw_friction"}
+    ]
     assert best.fields["gear_mesh_loss"]["efficiency_change"] == pytest.approx(-0.08, abs=SIZE)
     assert best.fields["screw_friction"]["mu_change"] == pytest.approx(-0.03, abs=SIZE)
     assert {len(values.fields) for values in found.sets} == {2}
@@ -140,24 +156,34 @@ def test_what_is_named_brings_the_paper_within_reach_when_it_is_simulated() -> N
         effects = [make_effect(name, fields) for name, fields in values.fields.items()]
         eta = problem.efficiencies(effects)
         assert problem.by_metric(eta).sum() == 0.0
-        assert np.sum(problem.residuals([effects], np.zeros(0)) ** 2) == pytest.approx(values.misfit, rel=1e-6)
+        assert np.sum(problem.residuals([effects], np.zeros(0)) ** 2) == pytest.approx(
+            values.misfit, rel=1e-6
+        )
         assert eta[:, 2] == pytest.approx(eta[:, 0] * eta[:, 1], rel=1e-6)
     for name, k in (("screw_friction", 0), ("gear_mesh_loss", 1)):
         (needed,) = [one.abilities[k].needed for one in paper().suspects if one.effect == name]
         for row in (0, 5):
-            excess = problem.excess(problem.efficiencies(problem.active([name], np.array([needed[row]]))))
+            excess = problem.excess(
+                problem.efficiencies(problem.active([name], np.array([needed[row]])))
+            )
             assert excess[row, k] < 1e-3  # between its nodes a curve is near a simulation
 
 
 @pytest.mark.parametrize(
     ("left_out", "derived"),
-    [(("eta_trans", "eta_gen", "eta_pto", "power_mech"), True), (("power_line", "power_mech", "power_gen"), False)],
+    [
+        (("eta_trans", "eta_gen", "eta_pto", "power_mech"), True),
+        (("power_line", "power_mech", "power_gen"), False),
+    ],
 )
 def test_energies_give_efficiencies_and_speeds_where_others_are_not_printed(
     left_out: tuple[str, ...], derived: bool
 ) -> None:
     found = judged(own_table(*left_out))
-    assert (found.ok, {cell.derived for row in found.rows for cell in row.cells}) == (True, {derived})
+    assert (found.ok, {cell.derived for row in found.rows for cell in row.cells}) == (
+        True,
+        {derived},
+    )
     assert bool(found.notes) is not derived
 
 
@@ -176,7 +202,10 @@ def test_what_cannot_be_judged_is_reported_with_the_reason() -> None:
     }
     assert set(reasons) == set(words)
     assert all(text in reasons[load] for load, text in words.items())
-    assert [[cell.metric for cell in row.cells] for row in found.rows] == [[*METRICS[6:]], ["eta_trans"]]
+    assert [[cell.metric for cell in row.cells] for row in found.rows] == [
+        [*METRICS[6:]],
+        ["eta_trans"],
+    ]
     assert found.notes[0].startswith("no window follows for 45 ohm, 18 ohm, 9 ohm, open circuit")
     assert attainable_summary(judged(made_table(rows[2:3]))) == "no row could be judged"
 
@@ -187,11 +216,16 @@ def test_tolerances_of_the_rig_and_few_cycles_widen_what_can_be_reached() -> Non
         'eta_mesh = { value = 0.95, unit = "1", u = 0.02, source = "assumed" }\n',
         "loose.toml",
     )
-    sharp, wide = cells_of(judged(own_table()), "eta_gen"), cells_of(judged(own_table(), rig=loose), "eta_gen")
+    sharp, wide = (
+        cells_of(judged(own_table()), "eta_gen"),
+        cells_of(judged(own_table(), rig=loose), "eta_gen"),
+    )
     for one, other in zip(sharp, wide, strict=True):
         assert other.u > 3.0 * one.u > 0.0
         assert other.low < one.low < one.high < other.high
-    single, four = (cells_of(judged(replace(own_table(), cycles=n)), "eta_gen")[0] for n in (None, 4))
+    single, four = (
+        cells_of(judged(replace(own_table(), cycles=n)), "eta_gen")[0] for n in (None, 4)
+    )
     assert single.allowed - four.allowed == pytest.approx(0.5 * 0.01 * single.printed)
     with pytest.raises(RigError, match="rig kitepower: no model can be made"):
         judged(own_table(), rig=built_in("kitepower"))
@@ -204,12 +238,17 @@ def test_the_short_reduction_is_the_whole_one(fixtures: Path, window: float | No
     for metric in METRICS:
         assert short[metric] == pytest.approx(getattr(whole, metric), rel=1e-12)
     still = {name: np.zeros(run.t.size) for name in run.channels}
-    assert {first_metrics(msgspec.structs.replace(run, channels=still), RIG)[metric] for metric in METRICS} == {None}
+    assert {
+        first_metrics(msgspec.structs.replace(run, channels=still), RIG)[metric]
+        for metric in METRICS
+    } == {None}
 
 
 def test_report_and_record_list_each_efficiency_and_each_effect() -> None:
     found = replace(audit("hsu2026-table2"), physics=paper())
-    tables = {block.id: block.frame() for block in audit_report(found).blocks if isinstance(block, Table)}
+    tables = {
+        block.id: block.frame() for block in audit_report(found).blocks if isinstance(block, Table)
+    }
     assert (len(tables["attainable"]), set(tables["attainable"]["verdict"])) == (18, {"outside"})
     assert len(tables["sets"]) == len(paper().sets)
     record = json.loads(msgspec.json.encode(audit_record(found)))["physics"]
@@ -227,15 +266,29 @@ def test_the_command_adds_the_physics_and_rejects_a_rig_without_a_model(tmp_path
     path, off = tmp_path / "one.toml", tmp_path / "off.toml"
     path.write_text(table_text(own_rows()[:1], PLAIN))
     off.write_text(
-        table_text([{**{n: own_rows()[0][n] for n in ("load_ohm", "energy_line", "power_line")}, "eta_gen": 0.6}])
+        table_text(
+            [
+                {
+                    **{n: own_rows()[0][n] for n in ("load_ohm", "energy_line", "power_line")},
+                    "eta_gen": 0.6,
+                }
+            ]
+        )
     )
     called = call("audit", path, "--physics", "--json", "-")
     record = json.loads(called.out)
-    assert (called.code, record["schema"], record["physics"]["ok"]) == (0, "winchcascade/audit/1", True)
+    assert (called.code, record["schema"], record["physics"]["ok"]) == (
+        0,
+        "winchcascade/audit/1",
+        True,
+    )
     assert "physics" not in json.loads(call("audit", path, "--json", "-").out)
     below = call("audit", off, "--physics")
     assert (below.code, "1 of 1 rows below what the rig can reach" in below.out) == (1, True)
-    unmodelled, unused = call("audit", path, "--physics", "--rig", "kitepower"), call("audit", path, "--rig", "hsu2026")
+    unmodelled, unused = (
+        call("audit", path, "--physics", "--rig", "kitepower"),
+        call("audit", path, "--rig", "hsu2026"),
+    )
     assert (unmodelled.code, "rig kitepower: no model can be made" in unmodelled.err) == (2, True)
     assert (unused.code, "--rig hsu2026: is of use with --physics alone" in unused.err) == (2, True)
 

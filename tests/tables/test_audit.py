@@ -44,14 +44,18 @@ def changed(*changes: tuple[str, str], text: str = HSU_TEXT) -> Audit:
 
 
 def random_table(rng: np.random.Generator) -> PublishedTable:
-    """A table of true cycles: N of them in each row, one window a row, all means rounded as printed."""
+    """A table of true cycles: N of them in each row, one window a row, all means rounded as
+    printed.
+    """
     cycles = int(rng.integers(1, 6))
     units = {m: UNITS[m.partition("_")[0]][int(rng.integers(2))] for m in METRICS}
     rows, deviations = [], np.zeros(2)
     for load in range(1, int(rng.integers(2, 4))):
         window = rng.uniform(0.5, 20.0)
         line = rng.uniform(200.0, 9000.0) * window * (1.0 + rng.uniform(-0.15, 0.15, cycles))
-        trans, gen = (rng.uniform(0.3, 0.97) * (1.0 + rng.uniform(-0.02, 0.02, cycles)) for _ in range(2))
+        trans, gen = (
+            rng.uniform(0.3, 0.97) * (1.0 + rng.uniform(-0.02, 0.02, cycles)) for _ in range(2)
+        )
         values = np.array([line, line * trans, line * trans * gen])
         values = np.concatenate([values, values / window, [trans, gen, trans * gen]])
         mean = values.mean(axis=1)
@@ -72,13 +76,23 @@ def test_no_table_of_true_cycles_is_accused_and_its_windows_are_found(tables: in
         assert all(w.span is not None for w in found.windows)
 
 
-def violation(x: NDArray[np.float64], spans: dict[str, Span], ratio: float, product: float) -> NDArray[np.float64]:
-    """How far energies and a window are from a row, relative; efficiencies are eliminated by intervals, not by a programme."""
-    energy, window = dict(zip(("energy_line", "energy_mech", "energy_gen"), x[:3], strict=True)), x[3]
+def violation(
+    x: NDArray[np.float64], spans: dict[str, Span], ratio: float, product: float
+) -> NDArray[np.float64]:
+    """How far energies and a window are from a row, relative; efficiencies are eliminated by
+    intervals, not by a programme.
+    """
+    energy, window = (
+        dict(zip(("energy_line", "energy_mech", "energy_gen"), x[:3], strict=True)),
+        x[3],
+    )
     out = []
     for stage in ("line", "mech", "gen"):
         value = energy[f"energy_{stage}"]
-        for number, span in ((value, spans[f"energy_{stage}"]), (value / window, spans[f"power_{stage}"])):
+        for number, span in (
+            (value, spans[f"energy_{stage}"]),
+            (value / window, spans[f"power_{stage}"]),
+        ):
             out += [max(0.0, span.low / number - 1.0), max(0.0, 1.0 - span.high / number)]
     left = {}
     for eta, (after, before) in RATIOS.items():
@@ -89,28 +103,48 @@ def violation(x: NDArray[np.float64], spans: dict[str, Span], ratio: float, prod
         left[eta] = (low, high)
     minimum = left["eta_trans"][0] * left["eta_gen"][0] * (1.0 - product)
     maximum = left["eta_trans"][1] * left["eta_gen"][1] * (1.0 + product)
-    return np.array([*out, max(0.0, minimum / left["eta_pto"][1] - 1.0), max(0.0, left["eta_pto"][0] / maximum - 1.0)])
+    return np.array(
+        [
+            *out,
+            max(0.0, minimum / left["eta_pto"][1] - 1.0),
+            max(0.0, left["eta_pto"][0] / maximum - 1.0),
+        ]
+    )
 
 
 SAME, APART = 1e-9, 1e-5
-"""Violation below which the search has a consistent set, and from which on it says that there is none."""
+"""Violation below which the search has a consistent set, and from which on it says that there is
+none.
+"""
 
 
 def distance(table: PublishedTable, row: TableRow) -> float:
-    """Smallest violation that a search over energies and the window finds, from several starts; 0 is a consistent set."""
+    """Smallest violation that a search over energies and the window finds, from several starts;
+    0 is a consistent set.
+    """
     spans, known = row.spans, repeatability(table)
     middle = {name: 0.5 * (span.low + span.high) for name, span in spans.items()}
     best = math.inf
     for stage in ("line", "mech", "gen"):
         window = middle[f"energy_{stage}"] / middle[f"power_{stage}"]
         for kind, scale in (("energy", 1.0), ("power", window)):
-            start = np.array([*(middle[f"{kind}_{s}"] * scale for s in ("line", "mech", "gen")), window])
+            start = np.array(
+                [*(middle[f"{kind}_{s}"] * scale for s in ("line", "mech", "gen")), window]
+            )
 
-            def relative(u: NDArray[np.float64], start: NDArray[np.float64] = start) -> NDArray[np.float64]:
+            def relative(
+                u: NDArray[np.float64], start: NDArray[np.float64] = start
+            ) -> NDArray[np.float64]:
                 return violation(start * u, spans, known.ratio, known.product)
 
             found = least_squares(
-                relative, np.ones(4), bounds=(0.2, 5.0), xtol=1e-12, ftol=1e-12, gtol=1e-14, max_nfev=40
+                relative,
+                np.ones(4),
+                bounds=(0.2, 5.0),
+                xtol=1e-12,
+                ftol=1e-12,
+                gtol=1e-14,
+                max_nfev=40,
             )
             best = min(best, float(np.max(relative(found.x))))
             if best < SAME:
@@ -118,7 +152,9 @@ def distance(table: PublishedTable, row: TableRow) -> float:
     return best
 
 
-def with_another_digit(table: PublishedTable, rng: np.random.Generator) -> tuple[PublishedTable, TableRow, str]:
+def with_another_digit(
+    table: PublishedTable, rng: np.random.Generator
+) -> tuple[PublishedTable, TableRow, str]:
     """A table with one digit of one cell changed, the row, and the metric."""
     k, metric = int(rng.integers(len(table.rows))), METRICS[int(rng.integers(len(METRICS)))]
     row = table.rows[k]
@@ -132,7 +168,9 @@ def with_another_digit(table: PublishedTable, rng: np.random.Generator) -> tuple
 
 
 @pytest.mark.parametrize("tables", [24, pytest.param(250, marks=pytest.mark.slow)])
-def test_a_changed_digit_is_found_where_another_solver_finds_no_consistent_values(tables: int) -> None:
+def test_a_changed_digit_is_found_where_another_solver_finds_no_consistent_values(
+    tables: int,
+) -> None:
     rng = np.random.default_rng(11)
     found = there = clean = named = 0
     for _ in range(tables):
@@ -150,7 +188,12 @@ def test_a_changed_digit_is_found_where_another_solver_finds_no_consistent_value
         if not feasible and named < 8:  # the true number is among what mends the row
             named += 1
             original = true.rows[row.number - 1].cells[metric].value
-            (repair,) = [r for item in audit(table).contradictions for r in item.repairs if r.metric == metric]
+            (repair,) = [
+                r
+                for item in audit(table).contradictions
+                for r in item.repairs
+                if r.metric == metric
+            ]
             assert repair.low * (1.0 - 1e-12) <= original <= repair.high * (1.0 + 1e-12)
     assert there > 0.4 * tables
     assert clean > 0.04 * tables
@@ -184,7 +227,10 @@ def test_the_27_ohm_row_contradicts_itself_and_no_other(hsu: Audit) -> None:
 
 
 def test_the_windows_are_recovered_and_shared(hsu: Audit) -> None:
-    assert [(g.loads, g.shortest) for g in hsu.shared] == [((45.0, 36.0), 5.48), ((27.0, 18.0, 9.0, 4.5), 5.96)]
+    assert [(g.loads, g.shortest) for g in hsu.shared] == [
+        ((45.0, 36.0), 5.48),
+        ((27.0, 18.0, 9.0, 4.5), 5.96),
+    ]
     for w in hsu.windows:
         assert w.span is not None
         assert w.span.low < (5.48 if w.load >= 36 else 5.96) < w.span.high < w.span.low + 0.007
@@ -214,28 +260,37 @@ SAID = '[[claim]]\nsays = "so"\nwhere = "made"\n'
         ("power_gen = 903", "power_gen = 850", "neither is consistent", "contradicted"),
         ("power_gen = 903\n", "", "the row allows 902.4 to 903.2 W", "contradicted"),
         ("value = 69\n", "value = 77\n", "77 %", "confirmed"),
-        ("largest_at_ohm = 18.0\n", "largest_at_ohm = 27.0\n", "at 27 ohm; the table prints eta_pto", "contradicted"),
+        ("largest_at_ohm = 18.0\n", "largest_at_ohm = 27.0\n", "at 27 ohm; the table prints "
+                                                               "eta_pto", "contradicted"),
         ("largest_at_ohm = [27.0, 18.0]", "largest_at_ohm = [9.0, 18.0]", "eta_pto 0.707 at 27 ohm", "contradicted"),
         ("largest_at_ohm = [27.0, 18.0]", "largest_at_ohm = 17.0", "largest at 17 ohm", "not_checkable"),
         ("to_ohm = 4.5\n", "to_ohm = 4.0\n", "to 4 ohm", "not_checkable"),
-        ('"eta_gen"\nrises_from_ohm = 4.5\nto_ohm = 18.0', '"eta_gen"\nrises_from_ohm = 18.0\nto_ohm = 4.5',
+        ('"eta_gen"\nrises_from_ohm = 4.5\nto_ohm = 18.0', '"eta_gen"\nrises_from_ohm = '
+                                                           '18.0\nto_ohm = 4.5',
          "rising from 18 ohm to 4.5 ohm", "contradicted"),
         ("at_least = 1\n", "at_least = 2\n", "at least 2 kW", "contradicted"),
         ("at_most = 18\n", "at_most = 15\n", "at most 15 %", "contradicted"),
         ("load_ohm = 36.0\nvalue = 982", "load_ohm = 35.0\nvalue = 982", "no row of this load", "not_checkable"),
-        ("[[claim]]", f'{SAID}metric = "power_line"\nload_ohm = 36.0\nvalue = 1.3\nunit = "kW"\ndecimals = 1\n[[claim]]',
+        ("[[claim]]", f'{SAID}metric = "power_line"\nload_ohm = 36.0\nvalue = 1.3\nunit = '
+                      f'"kW"\ndecimals = 1\n[[claim]]',
          "states 1.3 kW", "confirmed"),
-        ("[[claim]]", f'{SAID}metric = "energy_line"\nload_ohm = 36.0\nvalue = 7125\nunit = "J"\n[[claim]]',
+        ("[[claim]]", f'{SAID}metric = "energy_line"\nload_ohm = 36.0\nvalue = 7125\nunit = '
+                      f'"J"\n[[claim]]',
          "both are consistent with the rest", "contradicted"),
-        ("[[claim]]", f'{SAID}part = "energy_gen"\nof = "energy_line"\nload_ohm = 27.0\nunit = "%"\nvalue = 71\n[[claim]]',
+        ("[[claim]]", f'{SAID}part = "energy_gen"\nof = "energy_line"\nload_ohm = 27.0\nunit = '
+                      f'"%"\nvalue = 71\n[[claim]]',
          "states 71 % at 27", "confirmed"),
-        ("[[claim]]", f'{SAID}part = "energy_gen"\nof = "energy_line"\nload_ohm = 36.0\nunit = "%"\ndecimals = 1\n'
+        ("[[claim]]", f'{SAID}part = "energy_gen"\nof = "energy_line"\nload_ohm = 36.0\nunit = '
+                      f'"%"\ndecimals = 1\n'
          "value = 69.5\n[[claim]]", "the row allows 69.4", "confirmed"),
-        ("eta_pto = 0.730", "eta_pto = 0.707", "eta_pto: the text states largest at 18 ohm; eta_pto 0.707 at 27",
+        ("eta_pto = 0.730", "eta_pto = 0.707", "eta_pto: the text states largest at 18 ohm; "
+                                               "eta_pto 0.707 at 27",
          "not_checkable"),
     ],
 )  # fmt: skip
-def test_a_changed_claim_or_cell_changes_the_verdict(old: str, new: str, words: str, expected: str) -> None:
+def test_a_changed_claim_or_cell_changes_the_verdict(
+    old: str, new: str, words: str, expected: str
+) -> None:
     head, _, tail = HSU_TEXT.partition(old)
     assert tail
     tail = tail if old == "[[claim]]" else tail.replace(old, new)
@@ -247,21 +302,30 @@ def test_a_changed_claim_or_cell_changes_the_verdict(old: str, new: str, words: 
     [
         ((), "energy_mech = 5222", "energy_mech = 6222", {"energy_line", "energy_mech"}),
         ((), "eta_trans = 0.879", "eta_trans = 1.079", {"eta_trans"}),
-        (("eta",), "power_mech = 953", "power_mech = 963", {"energy_gen", "energy_mech", "power_gen", "power_mech"}),
+        (
+            ("eta",),
+            "power_mech = 953",
+            "power_mech = 963",
+            {"energy_gen", "energy_mech", "power_gen", "power_mech"},
+        ),
         (("energy", "power"), "eta_pto = 0.600", "eta_pto = 0.604", set(RATIOS)),
     ],
 )
 def test_cells_that_break_one_law_are_a_smallest_set(
     lost: tuple[str, ...], old: str, new: str, cells: set[str]
 ) -> None:
-    rows = "\n".join(line for line in ROWS_ALONE.splitlines() if not lost or not line.startswith(lost))
+    rows = "\n".join(
+        line for line in ROWS_ALONE.splitlines() if not lost or not line.startswith(lost)
+    )
     item = changed((old, new), text=rows).contradictions[0]
     assert len(item.cells) == len(cells)
     assert cells - {"energy_mech", "energy_gen", "power_gen"} <= set(item.cells)
 
 
 def test_a_column_in_the_wrong_unit_is_one_finding_and_hides_no_other(tmp_path: Path) -> None:
-    (tmp_path / "t.toml").write_text(HSU_TEXT.replace('energy_gen = { unit = "J"', 'energy_gen = { unit = "kJ"'))
+    (tmp_path / "t.toml").write_text(
+        HSU_TEXT.replace('energy_gen = { unit = "J"', 'energy_gen = { unit = "kJ"')
+    )
     found = audit(tmp_path / "t.toml")
     (fault,) = found.faults
     assert (fault.kind, fault.columns, fault.unit) == ("unit", ("energy_gen",), "")
@@ -279,7 +343,13 @@ def test_a_table_that_does_not_print_its_repeatability_is_held_to_an_assumed_one
 
 
 def test_cells_of_zero_are_no_contradiction_and_nothing_confines_a_value_without_cells() -> None:
-    cells = {"load_ohm": math.inf, "energy_line": 800.0, "energy_gen": 0.0, "power_line": 100.0, "power_gen": 0.0}
+    cells = {
+        "load_ohm": math.inf,
+        "energy_line": 800.0,
+        "energy_gen": 0.0,
+        "power_line": 100.0,
+        "power_gen": 0.0,
+    }
     found = audit(made_table([cells]))
     assert found.ok
     assert found.windows[0].span is not None
@@ -321,7 +391,11 @@ def test_two_rows_that_are_exchanged_are_found_and_no_table_with_scatter_is_accu
     for _ in range(50):
         rows = [
             replace(
-                row, cells={m: replace(c, value=c.value * (1.0 + rng.normal(0.0, 0.007))) for m, c in row.cells.items()}
+                row,
+                cells={
+                    m: replace(c, value=c.value * (1.0 + rng.normal(0.0, 0.007)))
+                    for m, c in row.cells.items()
+                },
             )
             for row in table.rows
         ]

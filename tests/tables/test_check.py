@@ -1,4 +1,6 @@
-"""Results against published tables: the tolerance of a cell, how rows are found, and the shipped campaign."""
+"""Results against published tables: the tolerance of a cell, how rows are found, and the shipped
+campaign.
+"""
 
 from __future__ import annotations
 
@@ -33,31 +35,46 @@ def random_table(seed: int = 0) -> PublishedTable:
     """Three rows of nine cells."""
     rng = np.random.default_rng(seed)
     factors = {m: unit_of_metric(UNITS, m)[2] for m in METRICS}
-    rows = [{"load_ohm": load, **{m: float(rng.uniform(20.0, 900.0)) * factors[m] for m in METRICS}} for load in LOADS]
+    rows = [
+        {"load_ohm": load, **{m: float(rng.uniform(20.0, 900.0)) * factors[m] for m in METRICS}}
+        for load in LOADS
+    ]
     return made_table(rows, UNITS)
 
 
 def exact(table: PublishedTable, seed: int = 0) -> list[Measured]:
-    """Results that are what the table prints, with a deviation and an uncertainty of each metric."""
+    """Results that are what the table prints, with a deviation and an uncertainty of each
+    metric.
+    """
     rng = np.random.default_rng(seed)
     results = []
     for row in table.rows:
         si = {m: row.cells[m].value * row.cells[m].factor for m in METRICS}
-        doubt: dict[str, float | None] = {m: value * float(rng.uniform(0.0, 0.05)) for m, value in si.items()}
+        doubt: dict[str, float | None] = {
+            m: value * float(rng.uniform(0.0, 0.05)) for m, value in si.items()
+        }
         deviation: dict[str, float | None] = {m: float(rng.uniform(0.0, 20.0)) for m in METRICS}
-        results.append(Measured(f"log {row.load:g}", f"log {row.load:g}", {**si, "load": row.load}, deviation, doubt))
+        results.append(
+            Measured(
+                f"log {row.load:g}", f"log {row.load:g}", {**si, "load": row.load}, deviation, doubt
+            )
+        )
     return results
 
 
 def with_value(results: list[Measured], k: int, metric: str, value: float | None) -> list[Measured]:
     """Results with one value changed."""
-    return [replace(r, values={**r.values, metric: value}) if n == k else r for n, r in enumerate(results)]
+    return [
+        replace(r, values={**r.values, metric: value}) if n == k else r
+        for n, r in enumerate(results)
+    ]
 
 
 def test_any_single_cell_beyond_its_tolerance_fails_and_within_it_passes() -> None:
     """A value moved by a share of its own tolerance: m - p = share (h + d m + 2 u), solved for m.
 
-    The others of the row are as printed, so that an energy or a power deviates by no more than the efficiencies do.
+    The others of the row are as printed, so that an energy or a power deviates by no more than the
+    efficiencies do.
     """
     table = random_table()
     results = exact(table)
@@ -69,9 +86,14 @@ def test_any_single_cell_beyond_its_tolerance_fails_and_within_it_passes() -> No
             alone = max(result.deviation[eta] or 0.0 for eta in RATIOS) / 100.0
             for share in (JUST - 1.0, 1.0 - JUST, -1.0 - JUST, 1.0 + JUST):
                 printed = cell.value * cell.factor
-                values = [(printed + share * fixed) / (1.0 - share * (result.deviation[metric] or 0.0) / 100.0)]
+                values = [
+                    (printed + share * fixed)
+                    / (1.0 - share * (result.deviation[metric] or 0.0) / 100.0)
+                ]
                 values += [] if metric in RATIOS else [printed + share * (fixed + alone * printed)]
-                moved = with_value(results, k, metric, min(values, key=lambda value: abs(value - printed)))
+                moved = with_value(
+                    results, k, metric, min(values, key=lambda value: abs(value - printed))
+                )
                 misses = [(miss.row.number, miss.metric) for miss in check(moved, table).misses]
                 assert misses == ([(k + 1, metric)] if abs(share) > 1.0 else [])
 
@@ -96,21 +118,36 @@ def test_the_deviation_counts_up_to_what_the_table_prints(metric: str, printed: 
     value = table.rows[1].cells[metric].value
     cells = []
     for deviation in (printed, 4.0 * printed):
-        log = Measured("log", "log", {metric: value, "load": 36.0}, {metric: deviation}, {metric: 0.004 * value})
+        log = Measured(
+            "log",
+            "log",
+            {metric: value, "load": 36.0},
+            {metric: deviation},
+            {metric: 0.004 * value},
+        )
         found = check([log], table, whole_campaign=False)
         cells += [cell for cell in found.cells if cell.metric == metric]
-        assert len([note for note in found.notes if f"{metric} {deviation:.3g} %" in note]) == (deviation > printed)
+        assert len([note for note in found.notes if f"{metric} {deviation:.3g} %" in note]) == (
+            deviation > printed
+        )
     assert cells[0].deviation == pytest.approx(cells[1].deviation)
 
 
 def test_a_metric_that_was_not_measured_fails_by_name_and_a_single_cycle_is_reported() -> None:
     table = random_table()
     (miss,) = check(with_value(exact(table), 1, "energy_gen", None), table).misses
-    assert (miss.row.load, miss.metric, miss.outcome, miss.log) == (18.0, "energy_gen", "not_measured", "log 18")
+    assert (miss.row.load, miss.metric, miss.outcome, miss.log) == (
+        18.0,
+        "energy_gen",
+        "not_measured",
+        "log 18",
+    )
     first, *others = exact(table)
     found = check([replace(first, deviation={}), *others], table)
     assert all(cell.deviation == 0.0 for cell in found.cells if cell.row.load == 45.0)
-    assert [note for note in found.notes if "log 45" in note and "counts as 0" in note] == list(found.notes)
+    assert [note for note in found.notes if "log 45" in note and "counts as 0" in note] == list(
+        found.notes
+    )
 
 
 def test_a_log_without_a_row_is_left_out_with_a_note_and_two_of_a_row_are_both_compared() -> None:
@@ -125,10 +162,12 @@ def test_a_log_without_a_row_is_left_out_with_a_note_and_two_of_a_row_are_both_c
         check(odd, table)
 
 
-# ------------------------------------------------------------------------------------------------------ the shipped campaign
+# --------------------------------------------------------------------------- the shipped campaign
 @pytest.fixture(scope="module")
 def results() -> Results:
-    """The reductions of the shipped campaign, whose rig states sensors that are calibrated in place."""
+    """The reductions of the shipped campaign, whose rig states sensors that are calibrated in
+    place.
+    """
     return campaign_results(make_plan([str(CAMPAIGN)]), 1)
 
 
@@ -136,15 +175,24 @@ def results() -> Results:
 def ours(results: Results) -> list[dict[str, float]]:
     """What these logs give, by load."""
     means = [(record.log.load_ohm, record.mean) for _, record in results.records]
-    return [{"load_ohm": load, **{m: mean[FIELDS[m]] or 0.0 for m in METRICS}} for load, mean in means if load]
+    return [
+        {"load_ohm": load, **{m: mean[FIELDS[m]] or 0.0 for m in METRICS}}
+        for load, mean in means
+        if load
+    ]
 
 
 def test_budget_and_limits_of_the_sensors_count_in_squares(results: Results) -> None:
-    found, records = check_results(results, "hsu2026-table2"), {r.log.load_ohm: r for _, r in results.records}
+    found, records = (
+        check_results(results, "hsu2026-table2"),
+        {r.log.load_ohm: r for _, r in results.records},
+    )
     assert (len(found.cells), found.misses) == (54, ())
     for cell in found.cells:
         parts = records[cell.row.load].uncertainty
-        own, limits = (of[FIELDS[cell.metric]] or 0.0 for of in (parts.sensors, parts.sensors_by_limits))
+        own, limits = (
+            of[FIELDS[cell.metric]] or 0.0 for of in (parts.sensors, parts.sensors_by_limits)
+        )
         assert own > 0.0
         assert limits > 0.0
         assert cell.basis == "budget_and_limits"
@@ -156,7 +204,10 @@ def test_a_table_of_these_logs_allows_rounding_alone(
 ) -> None:
     found = check_results(results, made_table(ours), SAME_LOGS)
     assert (len(found.cells), found.misses) == (54, ())
-    assert {(cell.tolerance, cell.basis) for cell in found.cells} == {(0.5, "none"), (0.0005, "none")}
+    assert {(cell.tolerance, cell.basis) for cell in found.cells} == {
+        (0.5, "none"),
+        (0.0005, "none"),
+    }
     path = tmp_path / "ours.toml"
     for metric in ("energy_gen", "power_line"):
         rows = [dict(row) for row in ours]
@@ -167,13 +218,21 @@ def test_a_table_of_these_logs_allows_rounding_alone(
         (miss,) = [cell for cell in record["cells"] if cell["outcome"] == "miss"]
         assert (called.code, miss["load_ohm"], miss["metric"]) == (1, rows[2]["load_ohm"], metric)
         assert path.read_text().splitlines()[miss["line"] - 1].startswith(f"{metric} = ")
-        assert record["factors"] == {"rounding": 1.0, "deviation": 0.0, "uncertainty": 0.0, "means": 0.0}
-    for more in (("--same-logs", "--tolerance", "uncertainty=2"), ("--json", CAMPAIGN / "r36ohm.csv", "--force")):
+        assert record["factors"] == {
+            "rounding": 1.0,
+            "deviation": 0.0,
+            "uncertainty": 0.0,
+            "means": 0.0,
+        }
+    for more in (
+        ("--same-logs", "--tolerance", "uncertainty=2"),
+        ("--json", CAMPAIGN / "r36ohm.csv", "--force"),
+    ):
         called = call("check", CAMPAIGN, "--against", path, *more)
         assert (called.code, called.out) == (2, "")
 
 
-# --------------------------------------------------------------------------------------------------------- operating points
+# ------------------------------------------------------------------------------- operating points
 BENCH = """name = "dyno"
 [cascade]
 stages = ["mech", "gen"]
@@ -228,7 +287,13 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
         points = [(n, torque) for n in speeds for torque in TORQUES]
         for k in range(100 * len(points)):
             n, torque = points[k // 100]
-            row = (0.1 * k, n, torque + rng.normal(0.0, 0.2), 0.5 * n, powers(n, torque)[1] / (0.5 * n))
+            row = (
+                0.1 * k,
+                n,
+                torque + rng.normal(0.0, 0.2),
+                0.5 * n,
+                powers(n, torque)[1] / (0.5 * n),
+            )
             lines.append(",".join(f"{x:.5f}" for x in row))
         (folder / f"{name}.csv").write_text("\n".join(lines) + "\n")
     runs = "".join(f'[[run]]\nfile = "{name}.csv"\n' for name in STEPS)
@@ -239,10 +304,14 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def printed(n: float, torque: float, *, wrong: float = 1.0) -> str:
     """A row of the table of a step."""
     mech, gen = powers(n, torque)
-    return f"{n};{torque};{wrong * mech / 1e3:.2f};{gen:.0f};{100.0 * gen / mech:.1f};31".replace(".", ",")
+    return f"{n};{torque};{wrong * mech / 1e3:.2f};{gen:.0f};{100.0 * gen / mech:.1f};31".replace(
+        ".", ","
+    )
 
 
-def written(folder: Path, rows: list[str], key: str = '["n", "torque"]', columns: str = COLUMNS) -> Path:
+def written(
+    folder: Path, rows: list[str], key: str = '["n", "torque"]', columns: str = COLUMNS
+) -> Path:
     """A table of operating points with a CSV."""
     heads = [line.split(" ")[0] for line in columns.splitlines()[1:]]
     (folder / "table.csv").write_text("\n".join([";".join(heads), *rows]) + "\n")
@@ -257,26 +326,48 @@ def checked(*arguments: str | Path) -> tuple[int, dict[str, Any]]:
     return called.code, json.loads(called.out)
 
 
-def test_every_operating_point_is_compared_with_the_row_of_its_speed_and_torque(bench: Path, tmp_path: Path) -> None:
+def test_every_operating_point_is_compared_with_the_row_of_its_speed_and_torque(
+    bench: Path, tmp_path: Path
+) -> None:
     rows = [printed(*point, wrong=1.05 if point == (600, 40) else 1.0) for point in reversed(ALL)]
     called = call(
-        "check", bench, "--against", written(tmp_path, rows), "--json", "-", "--junit", tmp_path / "c.xml", "--github"
+        "check",
+        bench,
+        "--against",
+        written(tmp_path, rows),
+        "--json",
+        "-",
+        "--junit",
+        tmp_path / "c.xml",
+        "--github",
     )
     record = json.loads(called.out)
     assert (called.code, len(record["cells"]), record["misses"]) == (1, 36, 1)
     assert any(cell["log"].endswith("test_2.csv cycle 2") for cell in record["cells"])
     assert "columns bearing: the results have no quantity" in record["notes"][0]
     (miss,) = [cell for cell in record["cells"] if cell["outcome"] == "miss"]
-    assert (miss["row"], miss["key"], miss["metric"]) == (5, {"n": "600", "torque": "40"}, "power_mech")
+    assert (miss["row"], miss["key"], miss["metric"]) == (
+        5,
+        {"n": "600", "torque": "40"},
+        "power_mech",
+    )
     assert miss["missed_by"] > 0.09
     assert "title=n 600 rpm%2C torque 40 N.m power_mech" in called.err
-    assert 'failure message="n 600 rpm, torque 40 N.m, power_mech: 2,64 kW' in (tmp_path / "c.xml").read_text()
+    assert (
+        'failure message="n 600 rpm, torque 40 N.m, power_mech: 2,64 kW'
+        in (tmp_path / "c.xml").read_text()
+    )
 
 
-def test_a_row_without_a_result_and_a_result_without_a_row_are_named(bench: Path, tmp_path: Path) -> None:
+def test_a_row_without_a_result_and_a_result_without_a_row_are_named(
+    bench: Path, tmp_path: Path
+) -> None:
     path = written(tmp_path, [printed(*point) for point in [*ALL[:-1], (1000, 40)]])
     code, record = checked(bench, "--against", path)
-    assert (code, {cell["outcome"] for cell in record["cells"] if cell["row"] == 12}) == (1, {"no_run"})
+    assert (code, {cell["outcome"] for cell in record["cells"] if cell["row"] == 12}) == (
+        1,
+        {"no_run"},
+    )
     assert "test_2.csv cycle 6 (n 800 rpm, torque 80" in record["notes"][1]
     assert call("reduce", bench / "test_1.csv", "--json", tmp_path / "one.json").code == 0
     code, record = checked(tmp_path / "one.json", "--against", path)
@@ -291,24 +382,35 @@ def test_names_and_numbers_of_logs_are_compared_with_sums_of_their_steps(
     rows = []
     for name, speeds in zip(names, STEPS.values(), strict=True):
         mech, gen = np.sum([powers(n, torque) for n in speeds for torque in TORQUES], axis=0)
-        rows.append(f"{name};{9.4 * mech / 1e3:.0f};{100.0 * gen / mech:.0f}")  # 9.4 s of each step without settling
+        rows.append(
+            f"{name};{9.4 * mech / 1e3:.0f};{100.0 * gen / mech:.0f}"
+        )  # 9.4 s of each step without settling
     _, record = checked(bench, "--against", written(tmp_path, rows, '"test"', LOGS))
     found = {(cell["key"]["test"], cell["metric"]): cell for cell in record["cells"]}
     for name in names:
         assert found[name, "eta_gen"]["outcome"] == "ok"
-        assert found[name, "energy_mech"]["measured"] == pytest.approx(found[name, "energy_mech"]["printed"], rel=0.02)
+        assert found[name, "energy_mech"]["measured"] == pytest.approx(
+            found[name, "energy_mech"]["printed"], rel=0.02
+        )
 
 
-def test_logs_that_repeat_a_motion_are_compared_by_their_means(tmp_path: Path, results: Results) -> None:
+def test_logs_that_repeat_a_motion_are_compared_by_their_means(
+    tmp_path: Path, results: Results
+) -> None:
     columns = '[columns]\nload_ohm = { unit = "ohm" }\nenergy_line = { unit = "kJ" }\neta_pto = { unit = "1" }\n'
     path = written(tmp_path, ["36,0;7,11;0,697", "inf;1,2;"], '"load_ohm"', columns)
     code, record = checked(CAMPAIGN, "--against", path)
     cells = {(cell["key"]["load_ohm"], cell["metric"]): cell for cell in record["cells"]}
-    assert (code, set(cells)) == (0, {("36,0", "energy_line"), ("36,0", "eta_pto"), ("inf", "energy_line")})
+    assert (code, set(cells)) == (
+        0,
+        {("36,0", "energy_line"), ("36,0", "eta_pto"), ("inf", "energy_line")},
+    )
     reduced = dict(results.records)["r36ohm.csv"]
     assert cells["36,0", "eta_pto"]["measured"] == pytest.approx(reduced.mean["eta_pto"])
     assert cells["36,0", "energy_line"]["tolerance"]["deviation"] == pytest.approx(
-        1e-5 * (reduced.max_deviation_percent["energy_line_j"] or 0.0) * (reduced.mean["energy_line_j"] or 0.0)
+        1e-5
+        * (reduced.max_deviation_percent["energy_line_j"] or 0.0)
+        * (reduced.mean["energy_line_j"] or 0.0)
     )
     assert "r9ohm.csv (load_ohm 9 ohm)" in record["notes"][0]
 
@@ -316,7 +418,8 @@ def test_logs_that_repeat_a_motion_are_compared_by_their_means(tmp_path: Path, r
 @pytest.mark.parametrize(
     ("columns", "key", "words"),
     [
-        (COLUMNS.replace('"rpm"', '"kW"'), '["n", "torque"]', "'kW' is none of speed; expected one of rotation, such as rad/s"),
+        (COLUMNS.replace('"rpm"', '"kW"'), '["n", "torque"]', "'kW' is none of speed; expected "
+                                                              "one of rotation, such as rad/s"),
         (COLUMNS, '"bearing"', "(bearing unknown)"),
         (COLUMNS, "[]", "has no key"),
         ('[columns]\nn = { unit = "rpm", measured = "speed" }\nbearing = { unit = "degC" }\n', '"n"', "add measured"),
@@ -333,13 +436,15 @@ def test_a_table_that_cannot_be_assigned_is_rejected(
 
 def test_a_thousand_points_are_assigned_to_their_rows_whatever_their_order() -> None:
     points = [
-        (n, torque, 0.5 + k * 1e-4) for k, (n, torque) in enumerate(product(range(100, 4100, 100), range(5, 130, 5)))
+        (n, torque, 0.5 + k * 1e-4)
+        for k, (n, torque) in enumerate(product(range(100, 4100, 100), range(5, 130, 5)))
     ]
-    text = (
-        'title = "T"\nsource = "S"\nkey = ["speed", "torque"]\nkey_percent = 0\n[columns]\nspeed = { unit = "rad/s" }\n'
-    )
+    text = 'title = "T"\nsource = "S"\nkey = ["speed", "torque"]\nkey_percent = 0\n[columns]\nspeed = { unit = "rad/s" }\n'
     text += 'torque = { unit = "N.m" }\neta_gen = { }\n'
-    text += "".join(f"[[point]]\nspeed = {n}\ntorque = {torque}\neta_gen = {eta:.4f}\n" for n, torque, eta in points)
+    text += "".join(
+        f"[[point]]\nspeed = {n}\ntorque = {torque}\neta_gen = {eta:.4f}\n"
+        for n, torque, eta in points
+    )
     logs = [
         Measured(f"{k}", "log", {"speed": n, "torque": torque + 0.04, "eta_gen": eta})
         for k, (n, torque, eta) in enumerate(points)

@@ -1,4 +1,6 @@
-"""Laws between the columns of operating points: wrong cells, exchanged heads, wrong units, and laws without cells."""
+"""Laws between the columns of operating points: wrong cells, exchanged heads, wrong units, and
+laws without cells.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from winchcascade.tables.audit import Audit
 from winchcascade.tables.table_file import parse_table
 
 BENCH = Path(__file__).parents[3] / "shared" / "data" / "benches" / "dexpand-ctu"
-here = pytest.mark.skipif(not BENCH.exists(), reason="the tables lie in ../shared/data, which is not here")
+here = pytest.mark.skipif(
+    not BENCH.exists(), reason="the tables lie in ../shared/data, which is not here"
+)
 
 HEAD = 'title = "Generator test"\nsource = "made for this test"\n'
 COLUMNS = """[columns]
@@ -37,14 +41,21 @@ def point(k: int) -> Point:
     """One operating point, its numbers as printed."""
     torque, speed, eta = 3.0 + 1.7 * k, 400.0 + 130.0 * k, 0.7 + 0.01 * k
     power = torque * speed * math.pi / 30.0
-    values = {"torque": torque, "speed": speed, "power_mech": 1e-3 * power, "power_gen": eta * power}
+    values = {
+        "torque": torque,
+        "speed": speed,
+        "power_mech": 1e-3 * power,
+        "power_gen": eta * power,
+    }
     values["current"] = eta * power / 60.0
     four = {name: float(f"{value:.4g}") for name, value in values.items()}
     return {"test": k + 1, **four, "loss": round((1.0 - eta) * power), "eta_gen": round(eta, 3)}
 
 
 def audited(points: list[Point], columns: str = COLUMNS) -> Audit:
-    rows = ["[[point]]\n" + "\n".join(f"{name} = {value}" for name, value in p.items()) for p in points]
+    rows = [
+        "[[point]]\n" + "\n".join(f"{name} = {value}" for name, value in p.items()) for p in points
+    ]
     return audit(parse_table(HEAD + 'key = "test"\n' + columns + "\n".join(rows), "points.toml"))
 
 
@@ -75,10 +86,14 @@ def test_no_efficiency_exceeds_1() -> None:
     assert (item.allowed.low, item.allowed.high, item.cells) == (-1.0, 1.0, ("eta_gen",))
 
 
-@pytest.mark.parametrize("pair", [("power_mech", "eta_gen"), ("torque", "power_gen"), ("power_gen", "eta_gen")])
+@pytest.mark.parametrize(
+    "pair", [("power_mech", "eta_gen"), ("torque", "power_gen"), ("power_gen", "eta_gen")]
+)
 def test_exchanged_heads_are_reported_as_swapped(pair: tuple[str, str]) -> None:
     names = {pair[0]: pair[1], pair[1]: pair[0]}
-    points = [{names.get(name, name): value for name, value in point(k).items()} for k in range(ROWS)]
+    points = [
+        {names.get(name, name): value for name, value in point(k).items()} for k in range(ROWS)
+    ]
     found = audited(points, COLUMNS.replace(", decimals = 3", ", digits = 3"))
     (fault,) = found.faults
     assert (fault.kind, set(fault.columns), found.contradictions) == ("swapped", set(pair), ())
@@ -93,15 +108,25 @@ def test_exchanged_heads_are_reported_as_swapped(pair: tuple[str, str]) -> None:
         ('current = { unit = "A"', 'current = { unit = "mA"', ("current",), "A"),
     ],
 )
-def test_a_wrong_unit_of_a_column_counts_once(right: str, wrong: str, columns: tuple[str, ...], unit: str) -> None:
+def test_a_wrong_unit_of_a_column_counts_once(
+    right: str, wrong: str, columns: tuple[str, ...], unit: str
+) -> None:
     found = audited([point(k) for k in range(ROWS)], COLUMNS.replace(right, wrong))
     (fault,) = found.faults
-    assert (fault.kind, fault.columns, fault.unit, found.contradictions) == ("unit", columns, unit, ())
+    assert (fault.kind, fault.columns, fault.unit, found.contradictions) == (
+        "unit",
+        columns,
+        unit,
+        (),
+    )
     assert f"is wrong; {unit} fits." in fault.sentence
 
 
 def test_a_power_without_cells_is_the_product_of_torque_and_speed() -> None:
-    points = [{name: x for name, x in point(k).items() if name not in ("power_mech", "loss")} for k in range(ROWS)]
+    points = [
+        {name: x for name, x in point(k).items() if name not in ("power_mech", "loss")}
+        for k in range(ROWS)
+    ]
     found = audited(points)
     assert {name: status for name, (status, _, _) in uses(found).items()} == {
         "power_mech": "derived", "loss": "derived", "current": "evaluated", "eta_gen": "evaluated",
@@ -113,7 +138,10 @@ def test_a_power_without_cells_is_the_product_of_torque_and_speed() -> None:
 
 def test_a_law_that_no_row_can_be_compared_with_is_not_evaluated() -> None:
     found = audited(
-        [{name: x for name, x in point(k).items() if name in ("test", "power_mech", "speed")} for k in range(3)]
+        [
+            {name: x for name, x in point(k).items() if name in ("test", "power_mech", "speed")}
+            for k in range(3)
+        ]
     )
     assert uses(found)["power_mech"] == ("not_evaluated", 0, ("torque",))
     assert (found.ok, found.evaluated, found.compared) == (False, False, 0)
@@ -126,7 +154,9 @@ def test_a_law_that_no_row_can_be_compared_with_is_not_evaluated() -> None:
 
 
 def test_the_command_prints_the_fault_and_the_json_has_its_place(tmp_path: Path) -> None:
-    (tmp_path / "t.csv").write_text("torque,speed,power_mech\n10,955,1000\n20,955,2100\n30,955,none\n")
+    (tmp_path / "t.csv").write_text(
+        "torque,speed,power_mech\n10,955,1000\n20,955,2100\n30,955,none\n"
+    )
     columns = '[columns]\ntorque = { unit = "N.m" }\nspeed = { unit = "rpm" }\npower_mech = { unit = "W" }\n'
     path = tmp_path / "t.toml"
     path.write_text(HEAD + 'csv = "t.csv"\nkey = "torque"\n' + columns)
@@ -135,7 +165,12 @@ def test_the_command_prints_the_fault_and_the_json_has_its_place(tmp_path: Path)
     record: dict[str, Any] = json.loads(call("audit", path, "--json", "-").out)
     (item,) = record["contradictions"]
     assert (record["schema"], record["cells_compared"]) == ("winchcascade/point-audit/1", 2)
-    assert (item["row"], item["key"], item["column"], item["printed"]) == (2, {"torque": 20.0}, "power_mech", 2100.0)
+    assert (item["row"], item["key"], item["column"], item["printed"]) == (
+        2,
+        {"torque": 20.0},
+        "power_mech",
+        2100.0,
+    )
 
 
 SPINDLE = """key = ["torque", "frequency"]
@@ -165,7 +200,10 @@ eta_turbine = { is = "power_shaft / power_isentropic" }
 def test_the_exchanged_heads_of_the_spindle_test_are_found_and_the_turbine_is_clean() -> None:
     spindle, turbine = (
         audit(parse_table(HEAD + f'csv = "{BENCH / csv}"\n' + columns, "t.toml"))
-        for csv, columns in (("py_import_data_spindle.csv", SPINDLE), ("W50_evaluated_data_2202324.csv", TURBINE))
+        for csv, columns in (
+            ("py_import_data_spindle.csv", SPINDLE),
+            ("W50_evaluated_data_2202324.csv", TURBINE),
+        )
     )
     assert (len(spindle.table.rows), spindle.contradictions) == (55, ())
     assert "columns 'P_mech [W]' and 'PF [-]' are swapped" in spindle.faults[0].sentence
@@ -174,7 +212,10 @@ def test_the_exchanged_heads_of_the_spindle_test_are_found_and_the_turbine_is_cl
 
 def test_a_divisor_that_may_be_zero_allows_any_value() -> None:
     columns = '[columns]\ntest = { }\na = { }\nb = { }\nc = { is = "a / b" }\nd = { is = "c + 1 - c / a / a" }\n'
-    found = audited([{"test": 1, "a": 2.0, "b": 0.0, "d": 1e9}, {"test": 2, "a": 2.0, "b": 4.0, "d": 9.0}], columns)
+    found = audited(
+        [{"test": 1, "a": 2.0, "b": 0.0, "d": 1e9}, {"test": 2, "a": 2.0, "b": 4.0, "d": 9.0}],
+        columns,
+    )
     assert [item.row.number for item in found.contradictions] == [2]
     assert uses(found)["d"] == ("evaluated", 2, ())
 

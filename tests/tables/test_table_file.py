@@ -1,4 +1,6 @@
-"""Files of published tables: what a cell stands for, both shapes of rows, and what is rejected with one sentence."""
+"""Files of published tables: what a cell stands for, both shapes of rows, and what is rejected
+with one sentence.
+"""
 
 import math
 from pathlib import Path
@@ -79,7 +81,9 @@ def test_a_printed_cell_stands_for_every_value_that_rounds_to_it() -> None:
         ("power_line", 1965.0, 1975.0),
         ("eta_trans", 0.9435, 0.9445),
     ):
-        assert (row.spans[metric].low, row.spans[metric].high) == pytest.approx((low, high), rel=1e-12)
+        assert (row.spans[metric].low, row.spans[metric].high) == pytest.approx(
+            (low, high), rel=1e-12
+        )
 
 
 def test_points_are_read_with_units_of_grams_and_the_digits_of_each_cell(tmp_path: Path) -> None:
@@ -90,11 +94,17 @@ def test_points_are_read_with_units_of_grams_and_the_digits_of_each_cell(tmp_pat
     assert row.cells["pull"].factor == row.cells["force"].factor
     assert row.name == "torque 33 gf.cm, run run_7.csv"
     heads = POINTS.partition("[[point]]")[0].replace('key = ["torque", "run"]', 'csv = "t.csv"')
-    (tmp_path / "t.csv").write_bytes("torque;run;force;pull\n33,0;7;1e3;n/a\n\n5;8;x;2\n".encode("utf-16"))
+    (tmp_path / "t.csv").write_bytes(
+        "torque;run;force;pull\n33,0;7;1e3;n/a\n\n5;8;x;2\n".encode("utf-16")
+    )
     (tmp_path / "t.toml").write_text(heads)
     table = load_table(tmp_path / "t.toml")
     first, second = table.rows
-    assert (first.cells["torque"].text, first.cells["torque"].value, "pull" in first.cells) == ("33,0", 33.0, False)
+    assert (first.cells["torque"].text, first.cells["torque"].value, "pull" in first.cells) == (
+        "33,0",
+        33.0,
+        False,
+    )
     assert first.cells["force"].rounding == 500.0
     assert (second.name, table.unread) == ("row 2", ("row 2 force 'x'",))
 
@@ -102,7 +112,10 @@ def test_points_are_read_with_units_of_grams_and_the_digits_of_each_cell(tmp_pat
 def test_claims_are_read_by_the_key_that_shows_their_kind() -> None:
     text = HEAD + ROW
     text += CLAIM + 'metric = "power_line"\nload_ohm = 18\nvalue = 2.0\nunit = "kW"\ndecimals = 1\n'
-    text += CLAIM + 'part = "energy_gen"\nof = "energy_line"\nload_ohm = 18\nvalue = 73\nunit = "%"\ndecimals = 0\n'
+    text += (
+        CLAIM
+        + 'part = "energy_gen"\nof = "energy_line"\nload_ohm = 18\nvalue = 73\nunit = "%"\ndecimals = 0\n'
+    )
     text += CLAIM + 'metric = "eta_trans"\nlargest_at_ohm = [18, inf]\n'
     value, share, largest = parse_table(text, "t.toml").claims
     assert [claim.kind for claim in (value, share, largest)] == ["value", "part", "largest_at_ohm"]
@@ -110,7 +123,9 @@ def test_claims_are_read_by_the_key_that_shows_their_kind() -> None:
     assert (share.metrics, largest.loads) == (("energy_gen", "energy_line"), (18.0, math.inf))
 
 
-def test_a_file_is_taken_before_a_built_in_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_is_taken_before_a_built_in_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     Path("hsu2026-table2").write_text(HEAD + ROW)
     assert load_table("hsu2026-table2").title == "A table"
@@ -156,7 +171,9 @@ def test_a_table_that_cannot_be_used_is_one_sentence_with_its_place() -> None:
 
     def read(text: str, where: str) -> object:
         for name, part in parts.items():
-            text = text.replace(f"{name} ", part).removesuffix(name) + (part if text.endswith(name) else "")
+            text = text.replace(f"{name} ", part).removesuffix(name) + (
+                part if text.endswith(name) else ""
+            )
         try:
             return parse_table(text, where)
         except TableError as fault:  # a CSV is named instead of the table

@@ -1,4 +1,6 @@
-"""What a design begins from: the corrected rig of a campaign or of a written diagnosis, and a motion or the speeds of a sea."""
+"""What a design begins from: the corrected rig of a campaign or of a written diagnosis, and a
+motion or the speeds of a sea.
+"""
 
 from __future__ import annotations
 
@@ -34,8 +36,11 @@ Sea = list[tuple[float, float]]
 """Speeds of payouts [m/s], each with its number in a year."""
 
 
-def corrected_by(source: Path, rig: str | None, on_progress: Callable[[str], None]) -> tuple[RigPosterior, Tested]:
-    """The corrected rig of a campaign, which is diagnosed, or of the JSON of a diagnosis, and what its logs cover.
+def corrected_by(
+    source: Path, rig: str | None, on_progress: Callable[[str], None]
+) -> tuple[RigPosterior, Tested]:
+    """The corrected rig of a campaign, which is diagnosed, or of the JSON of a diagnosis, and what
+    its logs cover.
 
     Raises
     ------
@@ -44,7 +49,10 @@ def corrected_by(source: Path, rig: str | None, on_progress: Callable[[str], Non
     """
     if source.suffix.casefold() == ".json":
         if rig is not None:
-            raise OptionError(f"--rig {rig}: a diagnosis has its rig already; leave --rig out, or give the campaign.")
+            raise OptionError(
+                f"--rig {rig}: a diagnosis has its rig already; leave --rig out, or give the "
+                f"campaign."
+            )
         return posterior_from(_record(source).get("posterior"), str(source))
     found = _diagnosed(source, rig, on_progress)
     tested = tested_by(found)
@@ -57,7 +65,10 @@ def _diagnosed(source: Path, rig: str | None, on_progress: Callable[[str], None]
     """The diagnosis of a campaign by a model of its rig."""
     found = diagnose_listed(load_campaign(source), EFFECTS, rig=rig, on_progress=on_progress)
     if not isinstance(found, ModelDiagnosis):
-        raise OptionError(f"{source}: no model can be made of rig {found.rig.name}; expected all numbers of the rig.")
+        raise OptionError(
+            f"{source}: no model can be made of rig {found.rig.name}; expected all numbers of the "
+            f"rig."
+        )
     return found
 
 
@@ -69,15 +80,19 @@ def _record(source: Path) -> dict[str, Any]:
         raise OptionError(
             f"{source}: cannot be read ({fault}); expected the JSON of `winchcascade diagnose`."
         ) from None
-    if not isinstance(record, dict) or not str(record.get("schema", "")).startswith("winchcascade/diagnosis/"):
+    if not isinstance(record, dict) or not str(record.get("schema", "")).startswith(
+        "winchcascade/diagnosis/"
+    ):
         raise OptionError(
-            f"{source}: is no diagnosis; expected the JSON that `winchcascade diagnose CAMPAIGN --json` writes."
+            f"{source}: is no diagnosis; expected the JSON that `winchcascade diagnose CAMPAIGN "
+            f"--json` writes."
         )
     return record
 
 
 def motions_of(path: Path | None) -> tuple[Motion | None, Sea]:
-    """The motion of a log or profile, or the speeds of a table with the columns of `SEA`; neither without a file.
+    """The motion of a log or profile, or the speeds of a table with the columns of `SEA`; neither
+    without a file.
 
     Raises
     ------
@@ -114,15 +129,19 @@ def _sea(path: Path) -> Sea:
             speed = count = -1.0
         if not (0.0 < speed < math.inf and 0.0 < count < math.inf):
             raise OptionError(
-                f"{path}: line {number} is {line!r}; expected a speed in m/s and a number of cycles, both above 0."
+                f"{path}: line {number} is {line!r}; expected a speed in m/s and a number of "
+                f"cycles, both above 0."
             )
         found.append((speed, count))
     if not found:
-        raise OptionError(f"{path}: no row below {','.join(SEA)}; expected a speed and a number of cycles in each.")
+        raise OptionError(
+            f"{path}: no row below {','.join(SEA)}; expected a speed and a number of cycles in "
+            f"each."
+        )
     return found
 
 
-# -------------------------------------------------------------------------------------------------------------------- plans
+# ------------------------------------------------------------------------------------------ plans
 def planned_from(
     source: Path,
     rig: str | None,
@@ -139,7 +158,8 @@ def planned_from(
 
     Raises
     ------
-    OptionError : both aims or, before any run, none of them; no such effect or metric; a campaign without two explanations
+    OptionError : both aims or, before any run, none of them; no such effect or metric; a campaign
+        without two explanations
     WinchcascadeError : the campaign or the rig cannot be used
     """
     if separate is not None and uncertainty is not None:
@@ -157,7 +177,8 @@ def planned_from(
     if separate is None:
         if found is None or found.experiment is None:
             raise OptionError(
-                f"{source}: no two explanations are given; expected --separate EFFECT EFFECT or --uncertainty METRIC=X."
+                f"{source}: no two explanations are given; expected --separate EFFECT EFFECT or "
+                f"--uncertainty METRIC=X."
             )
         separate = found.experiment.separates
     return split(basis, separate, suspects, most or MOST)

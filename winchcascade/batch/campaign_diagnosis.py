@@ -1,4 +1,6 @@
-"""Diagnose a campaign and write its predictions: by the model of its rig or, without one, by laws of its stages."""
+"""Diagnose a campaign and write its predictions: by the model of its rig or, without one, by
+laws of its stages.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,11 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_n
 from winchcascade.diagnosis.diagnosis_result import Entries
 from winchcascade.diagnosis.handover.rig_text import corrected_rig, corrected_rig_text
 from winchcascade.diagnosis.own_simulation import beside_own_simulation, on_the_logs
-from winchcascade.diagnosis.stages.diagnose_stages import StageClosure, StageDiagnosis, diagnose_stages
+from winchcascade.diagnosis.stages.diagnose_stages import (
+    StageClosure,
+    StageDiagnosis,
+    diagnose_stages,
+)
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.report.results.diagnosis_record import as_json
@@ -41,17 +47,26 @@ HEADER = "Time (s),Cycle,Predicted {} (W)"
 """Header of the files of predictions, by which this tool recognises its own files."""
 
 
-def read_logs(campaign: Campaign, rig: Rig, on_progress: Callable[[str], None], *, loads: bool) -> list[Run]:
+def read_logs(
+    campaign: Campaign, rig: Rig, on_progress: Callable[[str], None], *, loads: bool
+) -> list[Run]:
     """Read the log of each entry, once where several entries share it.
 
     Parameters
     ----------
-    loads : every entry needs a load, as the model of the rig simulates it; without a model none counts
+    loads : every entry needs a load, as the model of the rig simulates it; without a model none
+        counts
     """
     read: dict[tuple[Path, str | None, float | None, datetime | None, float | None], Run] = {}
     runs = []
     for number, entry in enumerate(campaign.runs, 1):
-        key = (entry.file, entry.sheet, entry.load if loads else None, entry.started, entry.temperature)
+        key = (
+            entry.file,
+            entry.sheet,
+            entry.load if loads else None,
+            entry.started,
+            entry.temperature,
+        )
         if key not in read:
             on_progress(f"reading {entry.file.name} ({number} of {len(campaign.runs)})")
             run = read_run(
@@ -66,7 +81,8 @@ def read_logs(campaign: Campaign, rig: Rig, on_progress: Callable[[str], None], 
             read[key] = _as_listed(_checked(run), entry)
         if loads and read[key].load is None:
             raise CampaignError(
-                f"{campaign.path}: run {number} ({entry.file.name}) has no load; a diagnosis simulates it, so give load_ohm."
+                f"{campaign.path}: run {number} ({entry.file.name}) has no load; a diagnosis "
+                f"simulates it, so give load_ohm."
             )
         runs.append(read[key])
     return runs
@@ -81,7 +97,9 @@ def _checked(run: Run) -> Run:
 
 
 def _as_listed(run: Run, entry: CampaignRun) -> Run:
-    """A log with the time and the temperature that the campaign states; they count before those of the log."""
+    """A log with the time and the temperature that the campaign states; they count before those
+    of the log.
+    """
     if entry.started is not None:
         since = entry.started if entry.started.tzinfo else entry.started.replace(tzinfo=UTC)
         run = msgspec.structs.replace(run, started=since.timestamp())
@@ -98,14 +116,24 @@ def with_simulations(campaign: Campaign, folder: Path) -> Campaign:
     OptionError : the folder does not exist, or lacks the file of a log
     """
     if not folder.is_dir():
-        raise OptionError(f"--simulated {folder}: no such folder; expected a folder with one simulation for each log.")
-    missing = [entry.file.name for entry in campaign.runs if not (folder / entry.file.name).is_file()]
+        raise OptionError(
+            f"--simulated {folder}: no such folder; expected a folder with one simulation for "
+            f"each log."
+        )
+    missing = [
+        entry.file.name for entry in campaign.runs if not (folder / entry.file.name).is_file()
+    ]
     if missing:
         raise OptionError(
-            f"--simulated {folder}: no file {', '.join(dict.fromkeys(missing))}; expected one simulation for each log of "
-            f'{campaign.path}, with the name of the log. To use other names, give simulated = "FILE" beside file there.'
+            f"--simulated {folder}: no file {', '.join(dict.fromkeys(missing))}; expected one "
+            f"simulation for each log of "
+            f"{campaign.path}, with the name of the log. To use other names, give simulated = "
+            f'"FILE" beside file there.'
         )
-    runs = tuple(msgspec.structs.replace(entry, simulated=folder / entry.file.name) for entry in campaign.runs)
+    runs = tuple(
+        msgspec.structs.replace(entry, simulated=folder / entry.file.name)
+        for entry in campaign.runs
+    )
     return msgspec.structs.replace(campaign, runs=runs)
 
 
@@ -126,16 +154,24 @@ def read_simulations(
         place = f"{campaign.path}: run {number} ({entry.file.name})"
         if entry.simulated is None:
             raise CampaignError(
-                f'{place} has no simulation, but others have one; expected simulated = "FILE" in every run. '
+                f'{place} has no simulation, but others have one; expected simulated = "FILE" in '
+                f"every run. "
                 "Add it, or remove the others."
             )
         if not entry.simulated.is_file():
             raise CampaignError(
-                f"{place}: no file {entry.simulated}; expected the simulation of this run, so check its path."
+                f"{place}: no file {entry.simulated}; expected the simulation of this run, so "
+                f"check its path."
             )
-        on_progress(f"reading {entry.simulated.name} of your simulation ({number} of {len(campaign.runs)})")
+        on_progress(
+            f"reading {entry.simulated.name} of your simulation ({number} of {len(campaign.runs)})"
+        )
         table = entry.sheet if entry.simulated.suffix == entry.file.suffix else None
-        runs.append(read_run(entry.simulated, rig=rig, load=log.load, table=table, simulated=True, campaign=False))
+        runs.append(
+            read_run(
+                entry.simulated, rig=rig, load=log.load, table=table, simulated=True, campaign=False
+            )
+        )
     return runs
 
 
@@ -148,7 +184,8 @@ def diagnose_listed(
     seed: int = 0,
     on_progress: Callable[[str], None] = lambda _: None,
 ) -> ModelDiagnosis | StageDiagnosis:
-    """Diagnose the logs that a campaign lists, by a model or, of a rig for which none can be made, by laws of its stages.
+    """Diagnose the logs that a campaign lists, by a model or, of a rig for which none can be made,
+    by laws of its stages.
 
     Parameters
     ----------
@@ -180,7 +217,8 @@ def diagnose_listed(
         return beside_own_simulation(found, simulations, windows=windows, on_progress=on_progress)
     if any(entry.simulated is not None for entry in campaign.runs):
         raise CampaignError(
-            f"{campaign.path}: a simulation of your own is compared by the model of the rig, but {model.why} Complete the rig "
+            f"{campaign.path}: a simulation of your own is compared by the model of the rig, but "
+            f"{model.why} Complete the rig "
             "file, or leave the simulation out."
         )
     stated = the_rig.sensors, the_rig.columns, *(run.channels for run in runs)
@@ -188,7 +226,8 @@ def diagnose_listed(
         raise RigError(model.why)
     if loads:
         raise OptionError(
-            f"--withhold {loads[0]:g}: rig {the_rig.name} has no load; withhold cycles instead, by a [[run]] with "
+            f"--withhold {loads[0]:g}: rig {the_rig.name} has no load; withhold cycles instead, "
+            f"by a [[run]] with "
             f"cycles and withheld = true in {campaign.path.name}."
         )
     withheld = [k for k, held in enumerate(marked) if held]
@@ -201,17 +240,22 @@ def diagnose_campaign(campaign_toml: Path, *, suspects: Suspects = EFFECTS) -> d
     return as_json(diagnose_listed(load_campaign(campaign_toml), suspects))
 
 
-def write_predictions(found: ModelDiagnosis | StageDiagnosis, folder: Path, *, force: bool = False) -> list[Path]:
-    """Write what is predicted of the data that the causes are judged on, in files named after their logs.
+def write_predictions(
+    found: ModelDiagnosis | StageDiagnosis, folder: Path, *, force: bool = False
+) -> list[Path]:
+    """Write what is predicted of the data that the causes are judged on, in files named after their
+    logs.
 
-    With a model, the files are simulated logs of every withheld log: `before` by the rig as given, or the own simulation at the
-    stamps of the log, `after` by a fit to the other logs. Neither contains the zeros of the sensors of that log. Without a
-    model, the files are the power of the judged cycles: `before` is what goes in, `after` is predicted by a fit to the other
-    cycles. They are means over blocks; what does not count is left out. Of several stages each has a file.
+    With a model, the files are simulated logs of every withheld log: `before` by the rig as given,
+    or the own simulation at the stamps of the log, `after` by a fit to the other logs. Neither
+    contains the zeros of the sensors of that log. Without a model, the files are the power of the
+    judged cycles: `before` is what goes in, `after` is predicted by a fit to the other cycles. They
+    are means over blocks; what does not count is left out. Of several stages each has a file.
 
     Raises
     ------
-    OutputError : a file cannot be written, or is not this tool's own and `force` does not allow to replace it
+    OutputError : a file cannot be written, or is not this tool's own and `force` does not allow to
+        replace it
     """
     written = []
     for side, log, write in _predictions(found):
@@ -221,18 +265,24 @@ def write_predictions(found: ModelDiagnosis | StageDiagnosis, folder: Path, *, f
     return written
 
 
-def write_corrected_rig(found: ModelDiagnosis | StageDiagnosis, path: Path, *, force: bool = False) -> bool:
-    """Write the rig file of a campaign with the named causes; False, and no file, where no named cause belongs in a rig file.
+def write_corrected_rig(
+    found: ModelDiagnosis | StageDiagnosis, path: Path, *, force: bool = False
+) -> bool:
+    """Write the rig file of a campaign with the named causes; False, and no file, where no named
+    cause belongs in a rig file.
 
     Raises
     ------
     OptionError : the rig has no model that could be corrected
-    OutputError : the file cannot be written, or is not this tool's own and `force` does not allow to replace it
-    RigError : the rig file cannot be read again, or states an effect in a way that cannot be replaced
+    OutputError : the file cannot be written, or is not this tool's own and `force` does not allow
+        to replace it
+    RigError : the rig file cannot be read again, or states an effect in a way that cannot be
+        replaced
     """
     if isinstance(found, StageDiagnosis):
         raise OptionError(
-            f"--write {path}: no model can be made of rig {found.rig.name}, so none can be corrected; leave --write out, or "
+            f"--write {path}: no model can be made of rig {found.rig.name}, so none can be "
+            f"corrected; leave --write out, or "
             "add the numbers that the rig file lacks."
         )
     if corrected_rig(found) == found.data.rig:
@@ -241,7 +291,9 @@ def write_corrected_rig(found: ModelDiagnosis | StageDiagnosis, path: Path, *, f
     return True
 
 
-def _predictions(found: ModelDiagnosis | StageDiagnosis) -> Iterator[tuple[str, str, Callable[..., None]]]:
+def _predictions(
+    found: ModelDiagnosis | StageDiagnosis,
+) -> Iterator[tuple[str, str, Callable[..., None]]]:
     """Folder, name of the log, and what writes the file of each prediction."""
     if found.closure is None:
         return
@@ -260,8 +312,12 @@ def _predictions(found: ModelDiagnosis | StageDiagnosis) -> Iterator[tuple[str, 
         yield "after", run.name, partial(write_log, simulate(run, after))
 
 
-def _predicted_power(judged: StageClosure, data: StageData, side: str) -> Iterator[tuple[str, str, Signal]]:
-    """Name of each file, its header, and middles of the blocks [s], cycles and predicted power [W], (k, 3) in order of time."""
+def _predicted_power(
+    judged: StageClosure, data: StageData, side: str
+) -> Iterator[tuple[str, str, Signal]]:
+    """Name of each file, its header, and middles of the blocks [s], cycles and predicted power
+    [W], (k, 3) in order of time.
+    """
     rows = judged.rows
     predicted = rows.given if side == "before" else rows.given + rows.gap - judged.after
     table = np.column_stack([rows.t, rows.own_cycle, predicted])
@@ -270,12 +326,18 @@ def _predicted_power(judged: StageClosure, data: StageData, side: str) -> Iterat
         what = "mechanical power" if path.out.name == "mech" else f"power of {path.out.name}"
         for name in np.unique(names).tolist():
             here = (names == name) & (rows.path == number)
-            file = name if len(data.paths) == 1 else f"{name.rpartition('.')[0] or name}_{path.out.name}.csv"
+            file = (
+                name
+                if len(data.paths) == 1
+                else f"{name.rpartition('.')[0] or name}_{path.out.name}.csv"
+            )
             yield file, HEADER.format(what), table[here][np.argsort(rows.t[here])]
 
 
 def _write_power(header: str, rows: Signal, path: Path, *, force: bool) -> None:
     formats = ["%.6f" if rows[-1, 0] < 1e6 else "%.3f", "%d", "%.9g"]
     write_whole(
-        path, lambda part: np.savetxt(part, rows, fmt=formats, delimiter=",", header=header, comments=""), force=force
+        path,
+        lambda part: np.savetxt(part, rows, fmt=formats, delimiter=",", header=header, comments=""),
+        force=force,
     )

@@ -1,4 +1,6 @@
-"""Findings on a log that compare it with the others of its campaign, from the records of their reductions."""
+"""Findings on a log that compare it with the others of its campaign, from the records of their
+reductions.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ from winchcascade.reduction.run_record import CycleRecord, FindingRecord, RunRec
 
 
 def log_efficiency(name: str, record: RunRecord) -> LogEfficiency | None:
-    """Take the efficiencies of a log, their speed and power from the record of its reduction; None without a complete cycle.
+    """Take the efficiencies of a log, their speed and power from the record of its reduction; None
+    without a complete cycle.
 
     Errors of gains and lags are common to a campaign and do not count in the uncertainty.
     """
@@ -25,7 +28,9 @@ def log_efficiency(name: str, record: RunRecord) -> LogEfficiency | None:
         return None
     speeds = [_speed(payout) for payout in payouts]
     log, parts = record.log, record.uncertainty
-    own = [row.contribution for row in parts.budget if row.part not in ("gain", "lag")] + [parts.repeatability]
+    own = [row.contribution for row in parts.budget if row.part not in ("gain", "lag")] + [
+        parts.repeatability
+    ]
     return LogEfficiency(
         name=name,
         kind=(record.rig_name, record.window == "payout", bool(log.simulated)),
@@ -33,7 +38,9 @@ def log_efficiency(name: str, record: RunRecord) -> LogEfficiency | None:
         speed=sum(speeds) / len(speeds),
         power=record.mean.get(FIELDS["power_mech"]),
         eta={metric: record.mean.get(metric) for metric in RATIOS},
-        uncertainty={metric: math.hypot(*(part.get(metric) or 0.0 for part in own)) for metric in RATIOS},
+        uncertainty={
+            metric: math.hypot(*(part.get(metric) or 0.0 for part in own)) for metric in RATIOS
+        },
         cycles=frozenset()
         if record.window == "whole"
         else frozenset(_energies(cycle) for cycle in record.cycles if cycle.complete),
@@ -55,13 +62,18 @@ def _speed(payout: PayoutSummary) -> float:
 
 
 def findings_between(logs: Iterable[LogEfficiency | None]) -> list[tuple[str, FindingRecord]]:
-    """Names and findings of the logs whose efficiency or lags lie far from the others, and of those that hold cycles of others.
+    """Names and findings of the logs whose efficiency or lags lie far from the others, and of those
+    that hold cycles of others.
 
     A lag that all share is reported with the first of them.
     """
     known = [log for log in logs if log is not None]
     lags = lags_between({log.name: log.relations for log in known})
-    return [*((apart.name, _finding(apart)) for apart in logs_apart(known)), *map(_lag, lags), *_copies(known)]
+    return [
+        *((apart.name, _finding(apart)) for apart in logs_apart(known)),
+        *map(_lag, lags),
+        *_copies(known),
+    ]
 
 
 def _lag(found: LagBetween) -> tuple[str, FindingRecord]:
@@ -76,20 +88,26 @@ def _lag(found: LagBetween) -> tuple[str, FindingRecord]:
 
 
 def _copies(logs: Sequence[LogEfficiency]) -> Iterator[tuple[str, FindingRecord]]:
-    """Report each log that shares cycles with an earlier one: noise makes two cycles differ in their energies."""
+    """Report each log that shares cycles with an earlier one: noise makes two cycles differ in
+    their energies.
+    """
     first: dict[str, str] = {}
     for log in logs:
         shared = {cycle: first[cycle] for cycle in log.cycles if cycle in first}
         if shared:
             other = min(shared.values())
             message = f"{len(shared)} of {len(log.cycles)} complete cycles are those of {other}, which count twice"
-            found = Finding("repeated_log", message, "kept as listed; take one of the two out of the campaign")
+            found = Finding(
+                "repeated_log", message, "kept as listed; take one of the two out of the campaign"
+            )
             yield log.name, finding_record(found, samples=1)
         first |= dict.fromkeys(log.cycles - first.keys(), log.name)
 
 
 def _finding(apart: Apart) -> FindingRecord:
-    message = f"{apart.metric} is {apart.value:.3f}, and the other logs predict {apart.expected:.3f}"
+    message = (
+        f"{apart.metric} is {apart.value:.3f}, and the other logs predict {apart.expected:.3f}"
+    )
     if apart.allowed >= 0.0005:
         message += f"; its speed explains {apart.allowed:.3f} at most"
     if apart.or_else:

@@ -25,7 +25,9 @@ def check_one_map(plan: Plan, path: Path) -> None:
     check_ending(path)
     rigs = [item.settings.rig for item in plan.work]
     if any(rig != rigs[0] for rig in rigs):
-        raise OptionError(f"--loss-map {path}: the logs are of different rigs; make one map for each of them.")
+        raise OptionError(
+            f"--loss-map {path}: the logs are of different rigs; make one map for each of them."
+        )
 
 
 def campaign_loss_map(plan: Plan, names: Container[str]) -> LossMap:

@@ -1,4 +1,6 @@
-"""Compare two campaigns, batches, reductions or logs: load what each side is, and subtract the means of matched runs."""
+"""Compare two campaigns, batches, reductions or logs: load what each side is, and subtract the
+means of matched runs.
+"""
 
 from __future__ import annotations
 
@@ -26,19 +28,21 @@ RESULTS = (".json", ".toml")
 
 
 def compare(a: Target, b: Target, *, same_sensors: bool = False, jobs: int = 1) -> Comparison:
-    """Compare two sides, before and after a repair, say: differences B - A of matched runs with 95 % intervals.
+    """Compare two sides, before and after a repair, say: differences B - A of matched runs with 95
+    % intervals.
 
     Parameters
     ----------
-    a, b : a campaign (folder or campaign.toml), the folder of a batch, a reduction's JSON, a log, or the result of `reduce` or
-        of `open_campaign(...).reduce()`
-    same_sensors : the same sensors and drum on both sides: the errors of their gains are common. By default those of A and B
-        are independent.
+    a, b : a campaign (folder or campaign.toml), the folder of a batch, a reduction's JSON, a log,
+        or the result of `reduce` or of `open_campaign(...).reduce()`
+    same_sensors : the same sensors and drum on both sides: the errors of their gains are common. By
+        default those of A and B are independent.
     jobs : processes that reduce the logs of a campaign
 
     Raises
     ------
-    WinchcascadeError : something of the input cannot be used, or nothing matches; the message names it
+    WinchcascadeError : something of the input cannot be used, or nothing matches; the message names
+        it
 
     Examples
     --------
@@ -58,13 +62,21 @@ def compared_side(target: Target, jobs: int = 1) -> ComparedSide:
         name, records = target.summary.title, dict(target.records)
     else:
         check_type(
-            "compare", target, (str, os.PathLike, Reduction, CampaignReduction), "reduce or open_campaign(...).reduce()"
+            "compare",
+            target,
+            (str, os.PathLike, Reduction, CampaignReduction),
+            "reduce or open_campaign(...).reduce()",
         )
         check_arguments("compare", ("side", target, PATH))
         path = Path(target)
-        name, records = str(path), dict(_log(path) if _is_log(path) else load_results(path, jobs=jobs).records)
+        name, records = (
+            str(path),
+            dict(_log(path) if _is_log(path) else load_results(path, jobs=jobs).records),
+        )
     if not records:
-        raise OptionError(f"{name}: has no reduced log; expected one at least. Look at the faults of its logs.")
+        raise OptionError(
+            f"{name}: has no reduced log; expected one at least. Look at the faults of its logs."
+        )
     return ComparedSide(name, tuple(compared_run(record, name) for name, record in records.items()))
 
 

@@ -20,7 +20,9 @@ TABLES = ("runs", "cycles", "bins", "findings", "runs_all")
 """Tables of a dataset, in the order of their sheets."""
 
 _ROWS = 1000
-"""Rows that are read, or held before they are written, at a time: memory does not grow with the number of logs."""
+"""Rows that are read, or held before they are written, at a time: memory does not grow with the
+number of logs.
+"""
 
 _SHEET_ROWS = 1_048_574
 """Rows of data that a sheet of Excel takes below names and units."""
@@ -58,18 +60,27 @@ def unit_of_column(name: str) -> str:
 
 
 def write_workbook(folder: Path, path: Path) -> None:
-    """Write the tables of a dataset as sheets of an Excel workbook, row by row; the runs by load, with a chart."""
+    """Write the tables of a dataset as sheets of an Excel workbook, row by row; the runs by
+    load, with a chart.
+    """
     import xlsxwriter
 
     with xlsxwriter.Workbook(
         str(path),
-        {"constant_memory": True, "nan_inf_to_errors": True, "strings_to_formulas": False, "strings_to_urls": False},
+        {
+            "constant_memory": True,
+            "nan_inf_to_errors": True,
+            "strings_to_formulas": False,
+            "strings_to_urls": False,
+        },
     ) as book:
         book.set_properties({"comments": f"winchcascade/{__version__}", "created": made_at()})
         _runs(book, *_read(folder / "runs.parquet"))
         for table in TABLES[1:]:
             _sheet(book, table, *_read(folder / f"{table}.parquet"))
-    with zipfile.ZipFile(path, "a") as archive:  # the mark can be read without unpacking the workbook
+    with zipfile.ZipFile(
+        path, "a"
+    ) as archive:  # the mark can be read without unpacking the workbook
         archive.comment = f"winchcascade/{__version__}".encode()
 
 
@@ -90,35 +101,56 @@ def _sheet(book: Any, title: str, names: Sequence[str], rows: Iterable[Row]) -> 
     sheet = book.add_worksheet(title)
     sheet.freeze_panes(2, 1)
     units = [unit_of_column(name) for name in names]
-    formats = {unit: book.add_format({"num_format": _FORMATS[unit]}) for unit in dict.fromkeys(units)}
+    formats = {
+        unit: book.add_format({"num_format": _FORMATS[unit]}) for unit in dict.fromkeys(units)
+    }
     for k, (name, unit) in enumerate(zip(names, units, strict=True)):
         wide = name in ("run", "log", "rig", "origin", "message", "action")
-        sheet.set_column(k, k, _WIDTHS[1] if wide else max(_WIDTHS[0], min(len(name) + 1, _WIDTHS[1])), formats[unit])
+        sheet.set_column(
+            k,
+            k,
+            _WIDTHS[1] if wide else max(_WIDTHS[0], min(len(name) + 1, _WIDTHS[1])),
+            formats[unit],
+        )
     sheet.write_row(0, 0, names, book.add_format({"bold": True}))
     sheet.write_row(1, 0, units, book.add_format({"italic": True, "bottom": 1}))
     for i, row in enumerate(islice(rows, _SHEET_ROWS)):
         for k, (name, unit) in enumerate(zip(names, units, strict=True)):
             value = row.get(name)
             if value is not None:  # what is unknown is an empty cell, an open circuit the text inf
-                shown = cell_text(value) if isinstance(value, str) else "inf" if value == math.inf else value
+                shown = (
+                    cell_text(value)
+                    if isinstance(value, str)
+                    else "inf"
+                    if value == math.inf
+                    else value
+                )
                 sheet.write(2 + i, k, shown, formats[unit])
     return sheet
 
 
 def _runs(book: Any, names: Sequence[str], rows: Iterable[Row]) -> None:
-    """Write the sheet of every log, by load, those without a known one last; and the chart of the efficiencies it has."""
-    found = sorted(rows, key=lambda row: row["load_ohm"] if isinstance(row["load_ohm"], float) else math.inf)
+    """Write the sheet of every log, by load, those without a known one last; and the chart of
+    the efficiencies it has.
+    """
+    found = sorted(
+        rows, key=lambda row: row["load_ohm"] if isinstance(row["load_ohm"], float) else math.inf
+    )
     sheet = _sheet(book, "runs", names, found)
     etas = [
         k for k, name in enumerate(names)
         if name.startswith("eta_") and not name.endswith((*_ENDS, "_percent")) and any(row[name] is not None for row in found)
     ]  # fmt: skip
-    loaded = sum(isinstance(row["load_ohm"], float) and math.isfinite(row["load_ohm"]) for row in found)
+    loaded = sum(
+        isinstance(row["load_ohm"], float) and math.isfinite(row["load_ohm"]) for row in found
+    )
     if etas:
         _chart(book, sheet, etas, load=names.index("load_ohm"), loaded=loaded, rows=len(found))
 
 
-def _chart(book: Any, sheet: Any, columns: Sequence[int], *, load: int, loaded: int, rows: int) -> None:
+def _chart(
+    book: Any, sheet: Any, columns: Sequence[int], *, load: int, loaded: int, rows: int
+) -> None:
     """Draw the efficiencies over the load, or over the logs where fewer than two have a load.
 
     Parameters
@@ -128,7 +160,9 @@ def _chart(book: Any, sheet: Any, columns: Sequence[int], *, load: int, loaded: 
     """
     over_load = loaded > 1
     first, last, along = 2, 1 + (loaded if over_load else rows), load if over_load else 0
-    chart = book.add_chart({"type": "scatter", "subtype": "straight_with_markers"} if over_load else {"type": "column"})
+    chart = book.add_chart(
+        {"type": "scatter", "subtype": "straight_with_markers"} if over_load else {"type": "column"}
+    )
     for column in columns:
         values, categories = (["runs", first, k, last, k] for k in (column, along))
         chart.add_series({"name": ["runs", 0, column], "categories": categories, "values": values})
@@ -142,7 +176,8 @@ def _chart(book: Any, sheet: Any, columns: Sequence[int], *, load: int, loaded: 
 def write_dataset(
     records: Iterable[tuple[str, RunRecord]], folder: Path, *, cascades: Collection[Cascade] = ()
 ) -> None:
-    """Write the tables of all results, one after the other with the names of their logs, into a folder, which is made.
+    """Write the tables of all results, one after the other with the names of their logs, into a
+    folder, which is made.
 
     Parameters
     ----------
@@ -161,7 +196,9 @@ def write_dataset(
 
     with ExitStack() as stack:
         writers = {
-            table: stack.enter_context(parquet.ParquetWriter(folder / f"{table}.parquet", schemas[table]))
+            table: stack.enter_context(
+                parquet.ParquetWriter(folder / f"{table}.parquet", schemas[table])
+            )
             for table in TABLES
         }
         held: dict[str, list[Row]] = {table: [] for table in TABLES}

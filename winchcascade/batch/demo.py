@@ -1,4 +1,6 @@
-"""The packaged campaign, to try the tool on: simulated logs, rebuilt from a published table, never measured."""
+"""The packaged campaign, to try the tool on: simulated logs, rebuilt from a published table,
+never measured.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ _PACKAGE = Path(__file__).parent.parent
 
 
 def packaged_campaign() -> Path:
-    """Folder of the packaged campaign: inside the package once installed, beside it in a checkout."""
+    """Folder of the packaged campaign: inside the package once installed, beside it in a
+    checkout.
+    """
     installed = _PACKAGE / "demo"
     return installed if installed.is_dir() else _PACKAGE.parent / "fixtures" / "campaign"
 
@@ -40,7 +44,8 @@ def copy_campaign(folder: Path, *, force: bool = False) -> Path:
 
     Raises
     ------
-    OutputError : a file of that name with another content is there, and `force` does not allow to replace it
+    OutputError : a file of that name with another content is there, and `force` does not allow to
+        replace it
     """
     make_one(folder, "another")
     for source in sorted(packaged_campaign().iterdir()):
@@ -48,16 +53,22 @@ def copy_campaign(folder: Path, *, force: bool = False) -> Path:
         if copy.is_file() and copy.read_bytes() == content:
             continue
         if copy.exists() and not force:
-            raise OutputError(f"{copy}: exists with another content; give --out a new folder or add --force.")
+            raise OutputError(
+                f"{copy}: exists with another content; give --out a new folder or add --force."
+            )
         write_content(copy, content, force=True)
     return folder / "campaign.toml"
 
 
 def diagnosis_output(campaign: Path) -> Output:
-    """The diagnosis of a campaign in a folder of results, by a key of this version and the content of the logs."""
+    """The diagnosis of a campaign in a folder of results, by a key of this version and the
+    content of the logs.
+    """
     files = {path.name: fingerprint(path) for path in sorted(campaign.parent.iterdir())}
     key = digest_of(repr((__version__, files)).encode())
-    return Output(DIAGNOSIS_RECORD, "store", key, tuple(f"diagnosis.{ending}" for ending in REPORTS["all"]))
+    return Output(
+        DIAGNOSIS_RECORD, "store", key, tuple(f"diagnosis.{ending}" for ending in REPORTS["all"])
+    )
 
 
 def diagnosis_of(campaign: Path, command: str, threads: int) -> dict[str, bytes]:
@@ -86,7 +97,9 @@ def diagnosis_of(campaign: Path, command: str, threads: int) -> dict[str, bytes]
     digests = {name: digest_of(content) for name, content in files.items()}
     made_by = {"key": output.key, "files": digests}
     return files | {
-        output.record: with_digest(as_json(found) | {"version": __version__}, output.entry, made_by, indent=1)
+        output.record: with_digest(
+            as_json(found) | {"version": __version__}, output.entry, made_by, indent=1
+        )
     }
 
 
@@ -101,9 +114,12 @@ def write_diagnosis(
 
     Raises
     ------
-    OutputError : a file of that name is not this tool's own, and `force` does not allow to replace it
+    OutputError : a file of that name is not this tool's own, and `force` does not allow to replace
+        it
     """
-    with locked(folder, lambda place: on_progress(f"waiting for another call that works in {place}")):
+    with locked(
+        folder, lambda place: on_progress(f"waiting for another call that works in {place}")
+    ):
         for name in files:
             check_replaceable(inside(folder, name), force=force)
         write_set({folder / name: content for name, content in files.items()})

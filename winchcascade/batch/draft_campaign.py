@@ -1,4 +1,5 @@
-"""Draft a campaign.toml from what logs show: runs in the order of their clocks, loads by file, name and currents.
+"""Draft a campaign.toml from what logs show: runs in the order of their clocks, loads by file, name
+and currents.
 
 What is certain stands as an entry, all else as a comment with its reason.
 """
@@ -17,11 +18,13 @@ from winchcascade.ingest.log_facts import LogFacts
 from winchcascade.ingest.named_load import NamedLoad, named_loads
 
 AGREES = 0.1
-"""Deviation of Vdc over Idc up to which it confirms a nominal load: resistors warm, and the loads of a campaign differ by more.
-[1]"""
+"""Deviation of Vdc over Idc up to which it confirms a nominal load: resistors warm, and the loads
+of a campaign differ by more. [1]"""
 
 NO_CURRENT = 0.03
-"""Share of the current of the other logs below which a log is an open circuit: a bleed resistor takes 1 %. [1]"""
+"""Share of the current of the other logs below which a log is an open circuit: a bleed resistor
+takes 1 %. [1]
+"""
 
 CONSTANT = 0.01
 """Relative range of a column of resistance that is one load in all rows. [1]"""
@@ -66,7 +69,11 @@ def campaign_text(logs: Sequence[LogFacts], title: str, rig: str) -> str:
     named = named_loads([log.path.name for log in ordered])
     blocks = [_HEAD.format(title=quoted(title), rig=quoted(rig), order=order)]
     for log in ordered:
-        others = [other.top_current for other in ordered if other is not log and other.top_current is not None]
+        others = [
+            other.top_current
+            for other in ordered
+            if other is not log and other.top_current is not None
+        ]
         lines = ["[[run]]", f"file = {quoted(log.path.name)}"]
         if log.fault:
             lines.append(f"# not readable yet: {one_line(log.fault)[:FAULT_LENGTH]}")
@@ -80,7 +87,9 @@ def campaign_text(logs: Sequence[LogFacts], title: str, rig: str) -> str:
 
 
 def in_order(logs: Sequence[LogFacts]) -> tuple[list[LogFacts], str]:
-    """Logs in the order in which they were made, as far as it is known, and a sentence on what it was taken from."""
+    """Logs in the order in which they were made, as far as it is known, and a sentence on what
+    it was taken from.
+    """
     starts = [log.started for log in logs]
     if len(set(starts)) == len(logs) and None not in starts:
         return sorted(
@@ -89,11 +98,18 @@ def in_order(logs: Sequence[LogFacts]) -> tuple[list[LogFacts], str]:
     dates = {log.path: match.group(0) for log in logs if (match := _DATE.search(log.path.name))}
     if len(set(dates.values())) == len(logs):
         by_date = sorted(logs, key=lambda log: re.sub(r"\D", "", dates[log.path]))
-        return by_date, "The runs stand in the order of the dates in the file names, as the logs have none."
-    by_name = sorted(logs, key=lambda log: [int(n) if n.isdigit() else n for n in re.split(r"(\d+)", log.path.name)])
+        return (
+            by_date,
+            "The runs stand in the order of the dates in the file names, as the logs have none.",
+        )
+    by_name = sorted(
+        logs,
+        key=lambda log: [int(n) if n.isdigit() else n for n in re.split(r"(\d+)", log.path.name)],
+    )
     return (
         by_name,
-        "The runs stand in the order of their names, as the logs have no dates: put them in the order of the tests.",
+        "The runs stand in the order of their names, as the logs have no dates: put them in the "
+        "order of the tests.",
     )
 
 
@@ -107,28 +123,46 @@ def load_lines(log: LogFacts, named: NamedLoad | None, other_current: float | No
     if log.load is not None:
         return [_entry(log.load, log.load_source)]
     for column in log.columns:
-        resistance = column.unit is not None and column.unit.dimension == "resistance" and column.low > 0.0
-        if resistance and column.high - column.low <= CONSTANT * column.high and column.unit is not None:
+        resistance = (
+            column.unit is not None and column.unit.dimension == "resistance" and column.low > 0.0
+        )
+        if (
+            resistance
+            and column.high - column.low <= CONSTANT * column.high
+            and column.unit is not None
+        ):
             return [_entry(column.unit.factor * column.high, f"column {column.name}")]
     idle = log.top_current is not None and log.top_current < NO_CURRENT * (other_current or 0.0)
-    currents = f"Idc stays at {log.top_current:.3g} A, and reaches {other_current:.3g} A in another log" if idle else ""
+    currents = (
+        f"Idc stays at {log.top_current:.3g} A, and reaches {other_current:.3g} A in another log"
+        if idle
+        else ""
+    )
     if named is None:
         if idle:
             return [_entry(math.inf, currents)]
         guess = "where the load is a resistor, state its nominal value"
-        return [] if log.ratio is None else ["# " + _entry(float(f"{log.ratio:.3g}"), f"Vdc / Idc; {guess}")]
+        return (
+            []
+            if log.ratio is None
+            else ["# " + _entry(float(f"{log.ratio:.3g}"), f"Vdc / Idc; {guess}")]
+        )
     if not named.certain and not any(column.electrical for column in log.columns):
         return []
     return [_named_line(log, named, currents)]
 
 
 def _named_line(log: LogFacts, named: NamedLoad, currents: str) -> str:
-    """Line of a load that the name states, with what the currents say of it; `currents` describes those of an open circuit."""
+    """Line of a load that the name states, with what the currents say of it; `currents`
+    describes those of an open circuit.
+    """
     states = "file name" if named.certain else f"a number in the file name ({named.how})"
     if math.isinf(named.ohm):
         carries = log.ratio is not None and not currents and log.ratio < 1e3
         against = f"but Vdc / Idc is {log.ratio:.4g} ohm" if carries else currents
-        return ("# " if carries else "") + _entry(named.ohm, "; ".join(filter(None, (states, against))))
+        return ("# " if carries else "") + _entry(
+            named.ohm, "; ".join(filter(None, (states, against)))
+        )
     if currents:
         return "# " + _entry(named.ohm, f"{states}, but {currents}: check which is right")
     if log.ratio is None:

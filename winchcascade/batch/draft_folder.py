@@ -56,7 +56,9 @@ def draft_folder(folder: Path, rig: str | None = None) -> Drafts:
     logs, skipped = _logs(folder, BEFORE if used is None else load_rig(used))
     if not logs:
         reasons = first_of([*skipped.values()], 3, " ")
-        raise OptionError(f"{folder}: no log found; expected CSV, TDMS, MATLAB, Parquet or Excel. {reasons}".rstrip())
+        raise OptionError(
+            f"{folder}: no log found; expected CSV, TDMS, MATLAB, Parquet or Excel. {reasons}".rstrip()
+        )
     base = "" if used is not None else fitting_rig(logs[0], {}, loads=False)[0]
     if base and built_in(base).columns:
         logs, _ = _logs(folder, built_in(base))
@@ -71,12 +73,17 @@ def draft_folder(folder: Path, rig: str | None = None) -> Drafts:
 def _logs(folder: Path, rig: Rig) -> tuple[list[LogFacts], dict[str, str]]:
     """Logs of a folder, and why each other file is none."""
     logs, skipped = [], {}
-    for path in sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith(".")):
+    for path in sorted(
+        path for path in folder.iterdir() if path.is_file() and not path.name.startswith(".")
+    ):
         if path.suffix.casefold() == ".toml":
             continue
         try:
             if not re.fullmatch(r"[^\ud800-\udfff]+", path.name):
-                raise LogError(f"{path.name}: its name is no UTF-8, so that no campaign can list it; rename it.")
+                raise LogError(
+                    f"{path.name}: its name is no UTF-8, so that no campaign can list it; rename "
+                    f"it."
+                )
             if is_result(str(path)):
                 raise LogError(f"{path.name}: is a result of a batch.")
             found = log_facts(path, rig)
@@ -91,11 +98,17 @@ def _logs(folder: Path, rig: Rig) -> tuple[list[LogFacts], dict[str, str]]:
 
 
 def write_drafts(drafts: Drafts, folder: Path) -> list[Path]:
-    """Write the drafts, never over a file: OutputError where there is none to write, or where the folder cannot be written."""
+    """Write the drafts, never over a file: OutputError where there is none to write, or where
+    the folder cannot be written.
+    """
     new = {folder / name: text for name, text in drafts.texts.items() if not lexists(folder / name)}
     if not new:
-        there = first_of([name for name in (CAMPAIGN_FILE, RIG_FILE) if lexists(folder / name)], NAMED_MAX)
-        raise OutputError(f"{folder}: holds {there}, which init never replaces; rename it to draft another.")
+        there = first_of(
+            [name for name in (CAMPAIGN_FILE, RIG_FILE) if lexists(folder / name)], NAMED_MAX
+        )
+        raise OutputError(
+            f"{folder}: holds {there}, which init never replaces; rename it to draft another."
+        )
     for path, text in new.items():
         write_content(path, text)
     return [*new]

@@ -1,4 +1,5 @@
-"""Draft a rig.toml from what logs show: the built-in rig that fits, candidates for columns, and the numbers that are needed.
+"""Draft a rig.toml from what logs show: the built-in rig that fits, candidates for columns, and the
+numbers that are needed.
 
 What is certain stands as an entry, all else as a comment with its reason.
 """
@@ -44,7 +45,9 @@ FULL = ({"velocity", "displacement"}, {"force"}, {"torque", "power_mech"}, {"vdc
 """Channels of the cascade from line to DC link: one of each set."""
 
 SOURCES = ("waves", "steps", "rows", "whole")
-"""Sources of cycles that are tried where logs have no payouts, in this order; `whole` gives every log a result."""
+"""Sources of cycles that are tried where logs have no payouts, in this order; `whole` gives
+every log a result.
+"""
 
 WAVES_MIN = 5
 """Fewer waves are no reciprocating motion."""
@@ -55,9 +58,12 @@ TRIED_MAX = 5
 PLACES = {
     "winch": "drawing of the drum; the inertia with all that turns at its speed",
     "restoring": "data sheets of screw, piston and accumulator",
-    "drivetrain": "data sheets of gear and couplings; `winchcascade calibrate OPEN_CIRCUIT_LOG --write` finds b_rotor",
-    "generator": "data sheet of the machine; r_s and l_s of a phase are half of what two terminals show",
-    "dc_link": "data sheets of capacitor and resistors; r_bleed is what remains connected without a load",
+    "drivetrain": "data sheets of gear and couplings; `winchcascade calibrate OPEN_CIRCUIT_LOG "
+    "--write` finds b_rotor",
+    "generator": "data sheet of the machine; r_s and l_s of a phase are half of what two "
+    "terminals show",
+    "dc_link": "data sheets of capacitor and resistors; r_bleed is what remains connected without "
+    "a load",
 }
 """Where the numbers of each part of a rig are found."""
 
@@ -79,16 +85,30 @@ def rig_text(logs: Sequence[LogFacts], name: str) -> str:
     """
     kinds = _kinds(logs)
     log, named = kinds[0][0], named_loads([log.path.name for log in logs]).values()
-    loads = len({one.ohm for one in named if one.certain} | {log.load for log in logs if log.load is not None}) > 1
+    loads = (
+        len(
+            {one.ohm for one in named if one.certain}
+            | {log.load for log in logs if log.load is not None}
+        )
+        > 1
+    )
     each = [(kind[0], candidates(kind[0], loads=loads)) for kind in kinds]
     near = each[0][1]
     base, why = fitting_rig(log, near, loads=loads)
-    blocks = [_HEAD.format(name=quoted(name)) + (f"based_on = {quoted(base)}{comment(why)}\n" if base else "")]
+    blocks = [
+        _HEAD.format(name=quoted(name))
+        + (f"based_on = {quoted(base)}{comment(why)}\n" if base else "")
+    ]
     if len(kinds) > 1:
         kind_names = [f"{kind[0].path.name} ({len(kind)})" for kind in kinds]
-        blocks.append(one_line(f"# Kinds of logs by their columns: {first_of(kind_names, KINDS_MAX)}.") + "\n")
+        blocks.append(
+            one_line(f"# Kinds of logs by their columns: {first_of(kind_names, KINDS_MAX)}.") + "\n"
+        )
     if not all(one.has_clock for one, _ in each):
-        blocks.append(f"# [log]\n# sample_rate_hz = 10{comment('no clock that can be read: rate of the logger')}\n")
+        blocks.append(
+            f"# [log]\n# sample_rate_hz = "
+            f"10{comment('no clock that can be read: rate of the logger')}\n"
+        )
     columns = _columns(each)
     blocks += ["\n".join(["[columns]", *columns]) + "\n"] if columns else []
     blocks += _phases(blocks[0], kinds[0], near)
@@ -98,14 +118,22 @@ def rig_text(logs: Sequence[LogFacts], name: str) -> str:
 
 
 def _thresholds(logs: Sequence[LogFacts]) -> list[str]:
-    """Table [thresholds] by the motion of the logs, so that all of them are read by the same ones."""
+    """Table [thresholds] by the motion of the logs, so that all of them are read by the same
+    ones.
+    """
     known = [log.scales for log in logs if log.scales is not None and log.has_clock]
-    text = thresholds_text(together(known), f"{len(known)} log{'s' * (len(known) > 1)}, by init") if known else ""
+    text = (
+        thresholds_text(together(known), f"{len(known)} log{'s' * (len(known) > 1)}, by init")
+        if known
+        else ""
+    )
     return [text] if text else []
 
 
 def _kinds(logs: Sequence[LogFacts]) -> list[list[LogFacts]]:
-    """The logs by their columns; the most frequent kind comes first, and in it logs that can be read."""
+    """The logs by their columns; the most frequent kind comes first, and in it logs that can be
+    read.
+    """
     kinds: dict[tuple[str, ...], list[LogFacts]] = {}
     for log in sorted(logs, key=lambda log: log.fault != ""):
         kinds.setdefault(tuple(column.name for column in log.columns), []).append(log)
@@ -113,22 +141,38 @@ def _kinds(logs: Sequence[LogFacts]) -> list[list[LogFacts]]:
 
 
 def candidates(log: LogFacts, *, loads: bool) -> Candidates:
-    """Columns that may be each channel that was not found, by name first, then by unit; a column that is constant is none.
+    """Columns that may be each channel that was not found, by name first, then by unit; a column
+    that is constant is none.
 
     For a log that cannot be read yet, columns that have the name and the unit of a channel are no
-    candidates: they are found later. Where logs or their names state loads, a few columns without unit
-    that are left over may be any channel of a cascade with a DC link for which nothing else is there.
+    candidates: they are found later. Where logs or their names state loads, a few columns without
+    unit that are left over may be any channel of a cascade with a DC link for which nothing else is
+    there.
     """
     taken = {column.name for column in log.columns if column.channel in (*log.channels, "time")}
-    free = [column for column in log.columns if column.name not in taken and column.low < column.high]
+    free = [
+        column for column in log.columns if column.name not in taken and column.low < column.high
+    ]
     found: dict[str, list[ColumnFacts]] = {}
     later = [one.channel for one in log.columns if log.fault and one.unit is not None]
-    for channel in (name for name in CHANNELS if name not in log.channels and later.count(name) != 1):
+    for channel in (
+        name for name in CHANNELS if name not in log.channels and later.count(name) != 1
+    ):
         called = near_channel(channel, [column.header for column in free])
-        named = [one for one in free if one.channel == channel or (one.unit is None and one.name in called)]
-        fitting = [one for one in free if read_as(one.unit, CHANNELS[channel].dimension) is not None]
+        named = [
+            one
+            for one in free
+            if one.channel == channel or (one.unit is None and one.name in called)
+        ]
+        fitting = [
+            one for one in free if read_as(one.unit, CHANNELS[channel].dimension) is not None
+        ]
         found[channel] = [*dict.fromkeys([*named, *fitting])]
-    left = [one for one in free if one.unit is None and one.channel is None and one not in chain(*found.values())]
+    left = [
+        one
+        for one in free
+        if one.unit is None and one.channel is None and one not in chain(*found.values())
+    ]
     there = {*log.channels, *(channel for channel, columns in found.items() if columns)}
     if loads and len(left) <= CANDIDATES_MAX:
         found |= {channel: left for one in FULL if not one & there for channel in sorted(one)}
@@ -148,15 +192,23 @@ def fitting_rig(log: LogFacts, near: Candidates, *, loads: bool) -> tuple[str, s
             return name, "the logs have the columns of this rig"
     possible = {
         *log.channels,
-        *(channel for channel, columns in near.items() if loads or any(one.unit for one in columns)),
+        *(
+            channel
+            for channel, columns in near.items()
+            if loads or any(one.unit for one in columns)
+        ),
     }
     if all(possible & one for one in FULL):
-        return DEFAULT_RIG, "the same cascade; what is not stated here, also of [sensors], is taken from that rig"
+        return (
+            DEFAULT_RIG,
+            "the same cascade; what is not stated here, also of [sensors], is taken from that rig",
+        )
     return "", ""
 
 
 def _columns(each: Sequence[tuple[LogFacts, Candidates]]) -> list[str]:
-    """Entries of [columns] as comments: channels without a unit, and candidates for those not found.
+    """Entries of [columns] as comments: channels without a unit, and candidates for those not
+    found.
 
     Where logs are of several kinds, an entry has one column of each.
     """
@@ -174,15 +226,20 @@ def _columns(each: Sequence[tuple[LogFacts, Candidates]]) -> list[str]:
         more = f"; {len(rows) - CANDIDATES_MAX} more fit" if len(rows) > CANDIDATES_MAX else ""
         for row in rows[:CANDIDATES_MAX]:
             columns = [one for one in row if one is not None]
-            lines.append(_column(channel, columns, f"not found; a candidate{more}", several=several))
+            lines.append(
+                _column(channel, columns, f"not found; a candidate{more}", several=several)
+            )
     if any(len(near.get("idc", ())) > 1 for _, near in each):
         lines.append(
-            '# Currents at one voltage add up: [channels.NAME], and power = "vdc * a + vdc * b" under [stage.NAME].'
+            '# Currents at one voltage add up: [channels.NAME], and power = "vdc * a + vdc * b" '
+            "under [stage.NAME]."
         )
     return lines
 
 
-def _column(channel: str, columns: Sequence[ColumnFacts], reason: str, *, several: bool = False) -> str:
+def _column(
+    channel: str, columns: Sequence[ColumnFacts], reason: str, *, several: bool = False
+) -> str:
     """An entry of [columns] as a comment, with a unit to be checked where a log names none.
 
     `several` makes its name a list.
@@ -193,24 +250,35 @@ def _column(channel: str, columns: Sequence[ColumnFacts], reason: str, *, severa
     keys = [f"name = [{names}]" if several else f"name = {names}"]
     keys += [f"unit = {quoted(CHANNELS[channel].unit)}"] if unitless else []
     keys += ['side = "shaft"'] if channel == "speed" else []
-    values = "; ".join(f"{c.low:.4g} to {c.high:.4g} {c.header.unit or ''}".rstrip() for c in columns)
+    values = "; ".join(
+        f"{c.low:.4g} to {c.high:.4g} {c.header.unit or ''}".rstrip() for c in columns
+    )
     if unitless:
-        values += f"; {', '.join([*unit_names(CHANNELS[channel].dimension).values()][:UNITS_MAX])} ...?"
+        values += (
+            f"; {', '.join([*unit_names(CHANNELS[channel].dimension).values()][:UNITS_MAX])} ...?"
+        )
     return f"# {channel} = {{ {', '.join(keys)} }}" + comment(f"{reason}; {values}")
 
 
 def _beyond(channel: str, column: ColumnFacts) -> str:
-    """A remark on values that exceed the range of the sensor of the paper in the unit that is assumed."""
+    """A remark on values that exceed the range of the sensor of the paper in the unit that is
+    assumed.
+    """
     sensor, unit = built_in(DEFAULT_RIG).sensors.get(channel), find_unit(CHANNELS[channel].unit)
-    if sensor is None or sensor.high is None or unit is None or column.high * unit.factor <= sensor.high:
+    if (
+        sensor is None
+        or sensor.high is None
+        or unit is None
+        or column.high * unit.factor <= sensor.high
+    ):
         return ""
-    return (
-        f", which is implausible: beyond {sensor.high / unit.factor:.3g} {CHANNELS[channel].unit} of the paper's sensor"
-    )
+    return f", which is implausible: beyond {sensor.high / unit.factor:.3g} {CHANNELS[channel].unit} of the paper's sensor"
 
 
 def _phases(head: str, logs: Sequence[LogFacts], near: Candidates) -> list[str]:
-    """Source of cycles, by trial, where most logs have no payouts: a comment where candidates or a rate were taken for it."""
+    """Source of cycles, by trial, where most logs have no payouts: a comment where candidates or
+    a rate were taken for it.
+    """
     sure, assumed, used = not logs[0].fault and logs[0].has_clock, head, set[str]()
     if not sure:
         assumed += "\n[log]\nsample_rate_hz = 10\n[columns]\n"
@@ -220,18 +288,29 @@ def _phases(head: str, logs: Sequence[LogFacts], near: Candidates) -> list[str]:
                 used.add(column.name)
                 assumed += _column(channel, [column], "").removeprefix("# ") + "\n"
     tried = logs[:TRIED_MAX]
-    if 2 * sum(_cycles(assumed, log, "") > 0 for log in tried) >= len(tried):  # damaged logs have no payouts either
+    if 2 * sum(_cycles(assumed, log, "") > 0 for log in tried) >= len(
+        tried
+    ):  # damaged logs have no payouts either
         return []
     found = {source: sum(_cycles(assumed, log, source) > 0 for log in tried) for source in SOURCES}
     best = max(found, key=found.__getitem__)
     if not found[best]:
         return []
-    mark, where = ("", f"{found[best]} of {len(tried)} logs") if sure else ("# ", "the first candidates above")
-    return [f'{mark}[phases]\n{mark}from = "{best}"{comment(f"no payouts were found; gives cycles with {where}")}\n']
+    mark, where = (
+        ("", f"{found[best]} of {len(tried)} logs")
+        if sure
+        else ("# ", "the first candidates above")
+    )
+    return [
+        f"{mark}[phases]\n{mark}from = "
+        f'"{best}"{comment(f"no payouts were found; gives cycles with {where}")}\n'
+    ]
 
 
 def _cycles(text: str, log: LogFacts, source: str) -> int:
-    """Number of complete cycles of a log with the text of a rig file and a source; 0 where it cannot be reduced so."""
+    """Number of complete cycles of a log with the text of a rig file and a source; 0 where it
+    cannot be reduced so.
+    """
     phases = f'\n[phases]\nfrom = "{source}"\n' if source else ""
     try:
         run = read_by(log.path, LogSettings(parse_rig(text + phases, "draft")))
@@ -241,7 +320,9 @@ def _cycles(text: str, log: LogFacts, source: str) -> int:
     except WinchcascadeError:
         return 0
     other = any(finding.kind == "phase_source" for finding in found.quality)
-    disordered = any(finding.kind == "backward_stamp" for finding in run.findings) and source not in ("rows", "whole")
+    disordered = any(
+        finding.kind == "backward_stamp" for finding in run.findings
+    ) and source not in ("rows", "whole")
     count = sum(cycle.complete for cycle in found.cycles)
     return 0 if other or disordered or (source == "waves" and count < WAVES_MIN) else count
 
@@ -252,11 +333,18 @@ def _numbers(log: LogFacts) -> list[str]:
     for section in PARTS:
         lines = [f"[{section}]" + comment(PLACES[section])]
         if section == "restoring":
-            lines += [f"# kind = {quoted(kind)}{comment(_instead(names))}" for kind, names in NUMBERS_OF.items()][1:]
+            lines += [
+                f"# kind = {quoted(kind)}{comment(_instead(names))}"
+                for kind, names in NUMBERS_OF.items()
+            ][1:]
         own = {name: number for number, name in in_rig_file(section).items()}
         for name in needed(built_in(DEFAULT_RIG), section):
             stated, about = paper[section][name], numbers_of(section)[own[name]]
-            what = about.what.replace("absolute pressure", "gauge pressure") if about.unit == "Pa" else about.what
+            what = (
+                about.what.replace("absolute pressure", "gauge pressure")
+                if about.unit == "Pa"
+                else about.what
+            )
             what += _turn(log) if name == "r_drum" else ""
             value = f"value = {stated['value']}, unit = {quoted(stated['unit'])}"
             lines.append(f"# {name} = {{ {value} }}" + comment(what))
@@ -268,9 +356,7 @@ def _turn(log: LogFacts) -> str:
     """What a speed of rotation and the speed of the line show of radius and gear."""
     if log.turn is None:
         return ""
-    return (
-        f"; rotation over line speed is {log.turn:.4g} rad/m: 1 / r_drum of a drum, gear_ratio / r_drum of a generator"
-    )
+    return f"; rotation over line speed is {log.turn:.4g} rad/m: 1 / r_drum of a drum, gear_ratio / r_drum of a generator"
 
 
 def _instead(names: Sequence[str]) -> str:
@@ -286,7 +372,9 @@ def _few_numbers(log: LogFacts, base: str) -> list[str]:
         f'[winch]\n# r_drum = {{ value = 0.2, unit = "m" }}{radius}\n',
         f'[drivetrain]\n# gear_ratio = {{ value = 1, unit = "1" }}{gear}\n',
     ]
-    stages = [quoted(name) for name, stage in STAGES.items() if stage.power(log.channels, 1.0) is not None]
+    stages = [
+        quoted(name) for name, stage in STAGES.items() if stage.power(log.channels, 1.0) is not None
+    ]
     if stages and not base:
         order = comment("what the log has; put the stages in the order in which power flows")
         blocks.append(f"# [cascade]\n# stages = [{', '.join(stages)}]{order}\n")

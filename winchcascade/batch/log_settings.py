@@ -1,4 +1,6 @@
-"""Settings by which one log is read and reduced, from the options of a command and the campaign that lists the log."""
+"""Settings by which one log is read and reduced, from the options of a command and the campaign
+that lists the log.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +13,15 @@ from winchcascade.core.errors import CampaignError
 
 
 def settings_of(
-    log: Path, *, rig: str | None, load_ohm: float | None, window: str | None, sheet: str | None = None
+    log: Path,
+    *,
+    rig: str | None,
+    load_ohm: float | None,
+    window: str | None,
+    sheet: str | None = None,
 ) -> LogSettings:
-    """Settle what the options of a command leave open by the campaign.toml in the folder of the log.
+    """Settle what the options of a command leave open by the campaign.toml in the folder of the
+    log.
 
     Raises
     ------

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from winchcascade.batch.plan import Plan, make_plan
-from winchcascade.core.arguments import FLAG, LOADS, NAMES, PATH, PATH_OR_NONE, PROCESSES, SEED_NUMBER, check_arguments
+from winchcascade.core.arguments import (
+    FLAG,
+    LOADS,
+    NAMES,
+    PATH,
+    PATH_OR_NONE,
+    PROCESSES,
+    SEED_NUMBER,
+    check_arguments,
+)
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import OptionError, check_type
 from winchcascade.core.jobs import Workers
@@ -33,7 +42,8 @@ else:
 def open_campaign(
     path: str | Path, *, rig: str | Path | None = None, window: str | float | None = None
 ) -> OpenedCampaign:
-    """Open a campaign: a campaign.toml, the folder that holds one, or a folder of logs. Nothing is read but the campaign file.
+    """Open a campaign: a campaign.toml, the folder that holds one, or a folder of logs. Nothing is
+    read but the campaign file.
 
     Parameters
     ----------
@@ -74,7 +84,8 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
 
         Parameters
         ----------
-        jobs : processes; a script that uses several must guard its start by `if __name__ == "__main__"`
+        jobs : processes; a script that uses several must guard its start by `if __name__ ==
+            "__main__"`
 
         Raises
         ------
@@ -133,7 +144,8 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         Parameters
         ----------
         table : a table, a table file, or the name of a built-in table
-        factors : on the parts of every tolerance, 1 if not given; `SAME_LOGS` for a table that was made from these logs
+        factors : on the parts of every tolerance, 1 if not given; `SAME_LOGS` for a table that was
+            made from these logs
 
         Raises
         ------
@@ -149,29 +161,42 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         return check_results(campaign_results(self.plan, jobs), opened, factors)
 
     def report(self, path: str | Path, *, jobs: int = 1, force: bool = False) -> list[Path]:
-        """Reduce every log and write the report of the campaign; the files that were written, that of the campaign first.
+        """Reduce every log and write the report of the campaign; the files that were written, that
+        of the campaign first.
 
         Parameters
         ----------
-        path : a page (.html) or a PDF (.pdf) of the campaign alone; else a folder, which gets what `winchcascade batch` writes:
-            a page for the campaign and for each log, the results as JSON and the tables as Parquet
+        path : a page (.html) or a PDF (.pdf) of the campaign alone; else a folder, which gets what
+            `winchcascade batch` writes: a page for the campaign and for each log, the results as
+            JSON and the tables as Parquet
 
         Raises
         ------
         OptionError : another ending of a file, or no further process can be started
-        OutputError : the files cannot be written, or are not this tool's own and `force` does not allow to replace them
+        OutputError : the files cannot be written, or are not this tool's own and `force` does not
+            allow to replace them
         """
         from winchcascade.batch.run_batch import DATASET, REPORTS, Products, run_batch
         from winchcascade.report.views import write_report
 
-        check_arguments("report", ("path", path, PATH), ("jobs", jobs, PROCESSES), ("force", force, FLAG))
+        check_arguments(
+            "report", ("path", path, PATH), ("jobs", jobs, PROCESSES), ("force", force, FLAG)
+        )
         path = Path(path)
         if path.suffix and not path.is_dir():
             if path.suffix.casefold() not in (".html", ".pdf"):
-                raise OptionError(f"{path}: no ending of a report; expected .html, .pdf, or a folder.")
+                raise OptionError(
+                    f"{path}: no ending of a report; expected .html, .pdf, or a folder."
+                )
             return [write_report(self.reduce(jobs=jobs), path, force=force)]
-        batch = run_batch(self.plan, path, Products(REPORTS["html"]), workers=Workers(jobs), force=force)
-        runs = [path / "runs" / f"{name}.{ending}" for name in batch.results for ending in ("html", "json")]
+        batch = run_batch(
+            self.plan, path, Products(REPORTS["html"]), workers=Workers(jobs), force=force
+        )
+        runs = [
+            path / "runs" / f"{name}.{ending}"
+            for name in batch.results
+            for ending in ("html", "json")
+        ]
         return [
             *(path / name for name in (CAMPAIGN_PAGE, INDEX, CAMPAIGN_RECORD)),
             *runs,

@@ -22,13 +22,19 @@ from winchcascade.ingest.source import LOG_ENDINGS
 from winchcascade.rig.baseline import load_rig
 
 RESULTS = 2
-"""Form of a log's result: a result of another form is made anew, as the tables of the campaign need all of its fields."""
+"""Form of a log's result: a result of another form is made anew, as the tables of the campaign
+need all of its fields.
+"""
 
-_RESERVED = frozenset(["CON", "PRN", "AUX", "NUL", *(f"{port}{k}" for port in ("COM", "LPT") for k in range(1, 10))])
+_RESERVED = frozenset(
+    ["CON", "PRN", "AUX", "NUL", *(f"{port}{k}" for port in ("COM", "LPT") for k in range(1, 10))]
+)
 """Names that Windows keeps for devices."""
 
 _NAME = 180
-"""Bytes of a name: its marks, an ending and a scratch suffix also fit into the 255 that file systems take."""
+"""Bytes of a name: its marks, an ending and a scratch suffix also fit into the 255 that file
+systems take.
+"""
 
 _LONG_CYCLES = 12
 """Characters of first and last cycle that stand in a name as they are."""
@@ -38,8 +44,8 @@ _LONG_SHEET = 40
 
 
 class Work(msgspec.Struct, frozen=True):
-    """One log to be reduced. `name` is its own among all; `key` changes with everything that its result depends on but
-    the log's content.
+    """One log to be reduced. `name` is its own among all; `key` changes with everything that its
+    result depends on but the log's content.
     """
 
     name: str
@@ -67,7 +73,8 @@ def make_plan(
     Parameters
     ----------
     rig, window : in place of those of a campaign file
-    load_ohm : of every log that no campaign file gives a load, in place of what the log states of itself [ohm]
+    load_ohm : of every log that no campaign file gives a load, in place of what the log states of
+        itself [ohm]
 
     Raises
     ------
@@ -82,7 +89,9 @@ def make_plan(
     if load_ohm is not None:
         given = {"load": load_ohm, "load_source": "--load-ohm"}
         found = [
-            work if work.settings.load is not None else replace(work, settings=replace(work.settings, **given))
+            work
+            if work.settings.load is not None
+            else replace(work, settings=replace(work.settings, **given))
             for work in found
         ]
     return Plan(_title(titles), tuple(_named(found)))
@@ -92,10 +101,15 @@ def _of_target(target: str, rig: str | None, window: str | float | None) -> tupl
     if not target:
         raise OptionError("an empty target; expected a campaign.toml, a folder of logs or logs.")
     if re.match(r"[A-Za-z][A-Za-z0-9+.-]+://", target):
-        raise OptionError(f"{target}: is an address; expected a path. Mount the store, or copy its logs to a disk.")
+        raise OptionError(
+            f"{target}: is an address; expected a path. Mount the store, or copy its logs to a "
+            f"disk."
+        )
     path = Path(target)
     if path.is_dir() and not (path / CAMPAIGN_FILE).is_file():
-        files = sorted(str(file) for file in path.iterdir() if file.is_file() and not file.name.startswith("."))
+        files = sorted(
+            str(file) for file in path.iterdir() if file.is_file() and not file.name.startswith(".")
+        )
         return path.resolve().name, _of_logs(_logs_only(files, str(path)), rig, window)
     if path.is_dir() or path.suffix == ".toml":
         campaign = load_campaign(path)
@@ -105,21 +119,27 @@ def _of_target(target: str, rig: str | None, window: str | float | None) -> tupl
     files = [match for match in sorted(glob.glob(target, recursive=True)) if Path(match).is_file()]
     if not files:
         raise OptionError(
-            f"{target}: no such file, folder or pattern; expected a campaign.toml, a folder of logs or logs."
+            f"{target}: no such file, folder or pattern; expected a campaign.toml, a folder of "
+            f"logs or logs."
         )
     return target, _of_logs(_logs_only(files, target), rig, window)
 
 
 def without_campaign(targets: Sequence[str]) -> list[str]:
     """Targets that are folders without a campaign file."""
-    return [target for target in targets if Path(target).is_dir() and not (Path(target) / CAMPAIGN_FILE).is_file()]
+    return [
+        target
+        for target in targets
+        if Path(target).is_dir() and not (Path(target) / CAMPAIGN_FILE).is_file()
+    ]
 
 
 def _logs_only(files: Sequence[str], target: str) -> list[str]:
     logs = [file for file in files if is_log(file) and not is_result(file)]
     if not logs:
         raise OptionError(
-            f"{target}: no log found; expected files that end in {', '.join(sorted(LOG_ENDINGS))}, or a {CAMPAIGN_FILE}."
+            f"{target}: no log found; expected files that end in "
+            f"{', '.join(sorted(LOG_ENDINGS))}, or a {CAMPAIGN_FILE}."
         )
     return logs
 
@@ -147,7 +167,9 @@ def _of_campaign(campaign: Campaign, rig: str | None, window: str | float | None
 
 
 def _of_logs(logs: Sequence[str], rig: str | None, window: str | float | None) -> list[Work]:
-    """Logs that were named one by one: each with the settings of the campaign file of its folder, where that lists it."""
+    """Logs that were named one by one: each with the settings of the campaign file of its
+    folder, where that lists it.
+    """
     found: list[Work] = []
     listed: dict[Path, dict[Path, list[Work]]] = {}
     usual = first_named(rig, read=load_rig)
@@ -179,18 +201,26 @@ def _title(titles: Sequence[str]) -> str:
 def _named(work: Sequence[Work]) -> list[Work]:
     """Give each log a name of its own that any file system takes, and the key of its options.
 
-    A name contains no more than distinguishes it, the steadiest part first, so that it stays as it is while rig or options
-    change: the file's name, the place of the file, the sheet, the cycles, the load and window, then anything.
+    A name contains no more than distinguishes it, the steadiest part first, so that it stays as it
+    is while rig or options change: the file's name, the place of the file, the sheet, the cycles,
+    the load and window, then anything.
     """
-    once: dict[str, tuple[Work, str]] = {}  # of the same log with the same options the first one counts
+    once: dict[
+        str, tuple[Work, str]
+    ] = {}  # of the same log with the same options the first one counts
     for item in work:
         place = _place(item)
-        once.setdefault(place + _key(replace(item, path="")), (replace(item, key=_key(item)), place))
+        once.setdefault(
+            place + _key(replace(item, path="")), (replace(item, key=_key(item)), place)
+        )
     work, places = [item for item, _ in once.values()], [place for _, place in once.values()]
     names, settings = [_safe(item.name) for item in work], [item.settings for item in work]
     for marks in (
         [_digest(place) for place in places],
-        ["" if one.sheet is None else f"sheet-{_safe(one.sheet)[:_LONG_SHEET]}" for one in settings],
+        [
+            "" if one.sheet is None else f"sheet-{_safe(one.sheet)[:_LONG_SHEET]}"
+            for one in settings
+        ],
         ["" if one.cycles is None else f"cycles-{_cycles_mark(*one.cycles)}" for one in settings],
         [_digest(repr((one.load, one.window))) for one in settings],
         [item.key[:8] for item in work],
@@ -233,16 +263,25 @@ def _place(work: Work) -> str:
 
 def _safe(name: str) -> str:
     """A file name without characters that some file systems reject."""
-    name = re.sub(r'[<>:"/\\|?*\x00-\x1f]', "_", one_line(name)).strip(". ").encode()[:_NAME].decode("utf-8", "ignore")
+    name = (
+        re.sub(r'[<>:"/\\|?*\x00-\x1f]', "_", one_line(name))
+        .strip(". ")
+        .encode()[:_NAME]
+        .decode("utf-8", "ignore")
+    )
     return f"_{name}" if name.split(".")[0].upper() in _RESERVED else name or "log"
 
 
 def _key(work: Work) -> str:
-    """Digest of everything that a result depends on besides the log's content: the options, the rig, this program."""
+    """Digest of everything that a result depends on besides the log's content: the options, the
+    rig, this program.
+    """
     options = msgspec.structs.asdict(work.settings)
     rig, sheet, _ = options.pop("rig"), options.pop("sheet"), options.pop("parts")
     said = (RESULTS, work.path, *options.values(), *([] if sheet is None else [sheet]))
-    content = repr(said).encode("utf-8", "replace") + msgspec.json.encode(rig) + __version__.encode()
+    content = (
+        repr(said).encode("utf-8", "replace") + msgspec.json.encode(rig) + __version__.encode()
+    )
     return digest_of(content)
 
 

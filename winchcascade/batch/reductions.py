@@ -1,4 +1,6 @@
-"""Reduce the logs of a plan: each to its record and reports, all to the record of the campaign; nothing is written."""
+"""Reduce the logs of a plan: each to its record and reports, all to the record of the campaign;
+nothing is written.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +18,20 @@ from winchcascade.core.jobs import Nobody, Workers
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.store import CAMPAIGN_PAGE, INDEX, digest_of, with_digest
 from winchcascade.ingest.read import read_by
-from winchcascade.reduction.campaign_record import CampaignRecord, CampaignReduction, FailedLog, log_summary
+from winchcascade.reduction.campaign_record import (
+    CampaignRecord,
+    CampaignReduction,
+    FailedLog,
+    log_summary,
+)
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.reduction.run_record import FindingRecord, RunRecord, reduction_entries, run_record
+from winchcascade.reduction.run_record import (
+    FindingRecord,
+    RunRecord,
+    reduction_entries,
+    run_record,
+)
 from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
 from winchcascade.reduction.wave_energies import LogWaves, campaign_waves
 
@@ -59,7 +71,11 @@ def reduce_log(work: Work, *, reports: Sequence[str] = (), command: str = "") ->
         with _DRAWING:
             files, record["model"] = _reports(reduction, found, reports, command)
     digests = {ending: digest_of(content) for ending, content in files.items()}
-    made_by = {"key": result_key(work, reduction.run.sha256), "reports": list(reports), "files": digests}
+    made_by = {
+        "key": result_key(work, reduction.run.sha256),
+        "reports": list(reports),
+        "files": digests,
+    }
     return Made(with_digest(record, ENTRY, made_by), files)
 
 
@@ -104,7 +120,8 @@ def reduce_campaign(plan: Plan, workers: Workers) -> CampaignReduction:
 def campaign_record(
     plan: Plan, results: Iterable[tuple[str, RunRecord]], faults: Mapping[str, str], state: str = ""
 ) -> CampaignRecord:
-    """Put the results of a plan into the record of its campaign, with findings of single logs beside the others.
+    """Put the results of a plan into the record of its campaign, with findings of single logs
+    beside the others.
 
     Parameters
     ----------
@@ -129,13 +146,17 @@ def campaign_record(
         for name, path in paths.items()
     )
     together = campaign_waves(waves)
-    return CampaignRecord(one_line(plan.title), state, runs, between, UNSET if together is None else together.record)
+    return CampaignRecord(
+        one_line(plan.title), state, runs, between, UNSET if together is None else together.record
+    )
 
 
 def with_findings_between(
     records: Iterable[tuple[str, RunRecord]], between: Iterable[tuple[str, FindingRecord]]
 ) -> Iterator[tuple[str, RunRecord]]:
-    """Names and records of the logs of a campaign, each with the findings that its log has beside the others."""
+    """Names and records of the logs of a campaign, each with the findings that its log has
+    beside the others.
+    """
     more: dict[str, tuple[FindingRecord, ...]] = {}
     for name, finding in between:
         more[name] = (*more.get(name, ()), finding)

@@ -1,4 +1,6 @@
-"""Results to compare with a table: a reduction, the folder of a batch, or a campaign that is reduced for it."""
+"""Results to compare with a table: a reduction, the folder of a batch, or a campaign that is
+reduced for it.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +26,8 @@ _EXPECTED = "expected a campaign, the folder of a batch or a reduction's JSON."
 
 
 class Results(msgspec.Struct, frozen=True):
-    """Records of reductions, each with the name of its log; `whole`: a campaign, not a single log, `verified` whether
-    each result of a batch has a digest and matches it.
+    """Records of reductions, each with the name of its log; `whole`: a campaign, not a single log,
+    `verified` whether each result of a batch has a digest and matches it.
     """
 
     records: tuple[tuple[str, RunRecord], ...]
@@ -49,7 +51,8 @@ class _Stored(msgspec.Struct):
 
 
 def input_files(target: Path) -> list[str]:
-    """Files that the results of a target are read from or made of, as `load_results` and `compare` open it.
+    """Files that the results of a target are read from or made of, as `load_results` and `compare`
+    open it.
 
     Raises
     ------
@@ -64,7 +67,9 @@ def input_files(target: Path) -> list[str]:
 
 
 def _is_campaign(target: Path) -> bool:
-    """Whether a target is a campaign to reduce: its file, or a folder without the results of a batch."""
+    """Whether a target is a campaign to reduce: its file, or a folder without the results of a
+    batch.
+    """
     if target.is_dir():
         return not (target / CAMPAIGN_RECORD).is_file() or (target / CAMPAIGN_FILE).is_file()
     return target.suffix == ".toml"
@@ -87,10 +92,13 @@ def load_results(target: Path, *, jobs: int = 1) -> Results:
         return _of_batch(path.parent, stored.runs, stored.store.files if digest == "kept" else None)
     if path.name == CAMPAIGN_RECORD:
         raise OptionError(
-            f"{path}: is no summary of a batch; expected the schema {CAMPAIGN_SCHEMA}. Run the batch again."
+            f"{path}: is no summary of a batch; expected the schema {CAMPAIGN_SCHEMA}. Run the "
+            f"batch again."
         )
     record = run_record(content, target.name)
-    return Results(((target.name, record),), whole=False, verified=not stored.batch or digest == "kept")
+    return Results(
+        ((target.name, record),), whole=False, verified=not stored.batch or digest == "kept"
+    )
 
 
 def _read(path: Path) -> tuple[bytes, _Stored, State]:
@@ -112,18 +120,30 @@ def _read(path: Path) -> tuple[bytes, _Stored, State]:
 
 def _altered(path: Path) -> OutputError:
     return OutputError(
-        f"{path}: was altered after the batch: its content does not match the digest. Run the batch again, which makes this "
+        f"{path}: was altered after the batch: its content does not match the digest. Run the "
+        f"batch again, which makes this "
         "result anew."
     )
 
 
 def _of_batch(folder: Path, runs: list[_Run], digests: Mapping[str, str] | None) -> Results:
-    """Results of a batch; `digests` of its files are None where it has none, as of version 0.1.0."""
+    """Results of a batch; `digests` of its files are None where it has none, as of version
+    0.1.0.
+    """
     for run in runs:
         if run.fault is not None:
-            raise LogError(f"{folder}: {run.name} failed in this batch: {run.fault} Mend the log or leave it out.")
-    records = {run.name: run_record(_read(inside(folder, run.result))[0], run.result) for run in runs}
-    for name in () if digests is None else altered(folder, {run.result: digests.get(run.result, "") for run in runs}):
+            raise LogError(
+                f"{folder}: {run.name} failed in this batch: {run.fault} Mend the log or leave it "
+                f"out."
+            )
+    records = {
+        run.name: run_record(_read(inside(folder, run.result))[0], run.result) for run in runs
+    }
+    for name in (
+        ()
+        if digests is None
+        else altered(folder, {run.result: digests.get(run.result, "") for run in runs})
+    ):
         raise _altered(folder / name)
     between = findings_between([log_efficiency(name, record) for name, record in records.items()])
     together = tuple(with_findings_between(records.items(), between))
@@ -138,8 +158,12 @@ def campaign_results(plan: Plan, jobs: int) -> Results:
     return Results(tuple(found.records.items()), whole=True)
 
 
-def check_results(results: Results, table: PublishedTable | str | Path, factors: Factors | None = None) -> Check:
-    """Compare results with a published table, its file, or a built-in table; raises as `tables.check.check`."""
+def check_results(
+    results: Results, table: PublishedTable | str | Path, factors: Factors | None = None
+) -> Check:
+    """Compare results with a published table, its file, or a built-in table; raises as
+    `tables.check.check`.
+    """
     table = load_table(table)
     found = [one for name, record in results.records for one in measured(record, name, table)]
     return check(found, table, factors, whole_campaign=results.whole)

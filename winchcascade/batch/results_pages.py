@@ -1,4 +1,6 @@
-"""The page that lists what a folder of results holds: made anew whenever a batch or a diagnosis writes there."""
+"""The page that lists what a folder of results holds: made anew whenever a batch or a diagnosis
+writes there.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,8 @@ from winchcascade.reduction.campaign_record import read_campaign
 
 
 def write_index(folder: Path) -> Path | None:
-    """Write the page of a folder of results from what is there; None where the folder holds no record of this version.
+    """Write the page of a folder of results from what is there; None where the folder holds no
+    record of this version.
 
     Raises
     ------
@@ -28,13 +31,19 @@ def write_index(folder: Path) -> Path | None:
         campaign = read_campaign(record)
     except msgspec.ValidationError:  # of another version
         return None
-    files = [name for name in MEANINGS if (path := inside(folder, name)).is_file() and is_marked(path)]
+    files = [
+        name for name in MEANINGS if (path := inside(folder, name)).is_file() and is_marked(path)
+    ]
     runs = folder / "runs"
     endings = [
-        e for e in ("html", "pdf", "json") if all((runs / f"{run.name}.{e}").is_file() for run in campaign.reduced)
+        e
+        for e in ("html", "pdf", "json")
+        if all((runs / f"{run.name}.{e}").is_file() for run in campaign.reduced)
     ]
     diagnosis = None
     if DIAGNOSIS_RECORD in files:
-        diagnosis = msgspec.json.decode((folder / DIAGNOSIS_RECORD).read_bytes(), type=dict[str, object])
+        diagnosis = msgspec.json.decode(
+            (folder / DIAGNOSIS_RECORD).read_bytes(), type=dict[str, object]
+        )
     publish(results_index(campaign, files, endings, diagnosis), html=folder / INDEX)
     return folder / INDEX

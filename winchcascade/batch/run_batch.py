@@ -1,4 +1,6 @@
-"""Run a batch: reduce what has changed, then write results, tables and reports of the campaign into a folder."""
+"""Run a batch: reduce what has changed, then write results, tables and reports of the campaign
+into a folder.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,13 @@ from msgspec.structs import replace
 
 from winchcascade.batch.dataset import TABLES, write_dataset, write_workbook
 from winchcascade.batch.plan import Plan, Work, result_key
-from winchcascade.batch.reductions import ENTRY, Made, campaign_record, reduce_log, with_findings_between
+from winchcascade.batch.reductions import (
+    ENTRY,
+    Made,
+    campaign_record,
+    reduce_log,
+    with_findings_between,
+)
 from winchcascade.batch.results_pages import write_index
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import check_replaceable, put_in_place, scratch_folder, write_set
@@ -49,7 +57,9 @@ DATASET = tuple(f"dataset/{table}.parquet" for table in TABLES)
 
 
 class Products(msgspec.Struct, frozen=True):
-    """What is made of a campaign besides its dataset: "html" or "pdf" reports, a workbook; `command` is what was typed."""
+    """What is made of a campaign besides its dataset: "html" or "pdf" reports, a workbook;
+    `command` is what was typed.
+    """
 
     reports: tuple[str, ...] = ()
     workbook: bool = False
@@ -57,7 +67,8 @@ class Products(msgspec.Struct, frozen=True):
 
 
 class Batch(msgspec.Struct, frozen=True):
-    """What a batch came to: results by log in the order of the plan, faults by log, and how many were done already.
+    """What a batch came to: results by log in the order of the plan, faults by log, and how many
+    were done already.
 
     `altered` are the files of an earlier call that did not match their digest and were made again.
     """
@@ -81,15 +92,17 @@ def run_batch(
 ) -> Batch:
     """Reduce every log of a plan into a folder, and put the campaign together.
 
-    Each result is written as soon as it is made, the reports of a log before its JSON, so a call that is cut short at any
-    point loses nothing that was finished. Of two calls on one folder the second waits.
+    Each result is written as soon as it is made, the reports of a log before its JSON, so a call
+    that is cut short at any point loses nothing that was finished. Of two calls on one folder the
+    second waits.
 
     Parameters
     ----------
     products : what is made of every log and of the campaign besides the dataset; nothing by default
     workers : processes of this machine, one by default, or a Dask scheduler
     force : use a folder that holds something else too
-    watch : called with how many logs are done already and how many are to be done, then with each as it is done
+    watch : called with how many logs are done already and how many are to be done, then with each
+        as it is done
 
     Raises
     ------
@@ -112,12 +125,18 @@ def run_batch(
                 _write_result(runs, name, outcome.value)
                 continue
             faults[name] = outcome.fault or ""
-            if outcome.rejected and fingerprint(todo[name].path):  # one that cannot be read now may count again
+            if outcome.rejected and fingerprint(
+                todo[name].path
+            ):  # one that cannot be read now may count again
                 for ending in ENDINGS:
                     (runs / f"{name}.{ending}").unlink(missing_ok=True)
         batch = Batch(
             folder=out,
-            results={work.name: runs / f"{work.name}.json" for work in plan.work if work.name not in faults},
+            results={
+                work.name: runs / f"{work.name}.json"
+                for work in plan.work
+                if work.name not in faults
+            },
             faults={work.name: faults[work.name] for work in plan.work if work.name in faults},
             kept=len(plan.work) - len(todo),
             altered=tuple(f"runs/{name}" for found in there.values() for name in found.altered),
@@ -134,23 +153,35 @@ def result_of(work: Work, reports: Sequence[str]) -> Output:
 def _check_own(out: Path, todo: Iterable[str], *, force: bool) -> None:
     """Reject, before any work, links, and files that this tool did not write."""
     there = {name.casefold() for name in os.listdir(out / "runs")}
-    results = [name for log in todo for ending in ENDINGS if (name := f"{log}.{ending}").casefold() in there]
+    results = [
+        name
+        for log in todo
+        for ending in ENDINGS
+        if (name := f"{log}.{ending}").casefold() in there
+    ]
     for path in [
-        inside(out, name) for name in (INDEX, *CAMPAIGN_FILES, *DATASET, *(f"runs/{name}" for name in results))
+        inside(out, name)
+        for name in (INDEX, *CAMPAIGN_FILES, *DATASET, *(f"runs/{name}" for name in results))
     ]:
         if path.exists():
             check_replaceable(path, force=force)
 
 
 def _write_result(runs: Path, name: str, made: Made) -> None:
-    """Write the files of one log, all whole before the first is replaced, and remove reports of another result."""
+    """Write the files of one log, all whole before the first is replaced, and remove reports of
+    another result.
+    """
     files = made.reports | {"json": made.record}
     outdated = [runs / f"{name}.{ending}" for ending in ENDINGS if ending not in files]
-    write_set({runs / f"{name}.{ending}": content for ending, content in files.items()}, without=outdated)
+    write_set(
+        {runs / f"{name}.{ending}": content for ending, content in files.items()}, without=outdated
+    )
 
 
 def _put_together(plan: Plan, batch: Batch, products: Products) -> Batch:
-    """Write the files of the whole campaign: dataset, workbook, reports and last the record; nothing if nothing has changed."""
+    """Write the files of the whole campaign: dataset, workbook, reports and last the record;
+    nothing if nothing has changed.
+    """
     out, reports = batch.folder, products.reports
     results = {f"runs/{path.name}": fingerprint(path) for path in batch.results.values()}
     logs = [(work.name, work.key, batch.faults.get(work.name)) for work in plan.work]
@@ -166,15 +197,22 @@ def _put_together(plan: Plan, batch: Batch, products: Products) -> Batch:
         if there.kept:
             batch = replace(batch, summary=read_campaign(out / CAMPAIGN_RECORD))
         else:
-            batch = replace(batch, summary=campaign_record(plan, read_results(batch.results), batch.faults, key))
-            others = {name: there.files[name] for name in CAMPAIGN_FILES if name in there.files and name not in wanted}
+            batch = replace(
+                batch, summary=campaign_record(plan, read_results(batch.results), batch.faults, key)
+            )
+            others = {
+                name: there.files[name]
+                for name in CAMPAIGN_FILES
+                if name in there.files and name not in wanted
+            }
             _write_campaign(plan, batch, products, wanted, results | others)
         if (out / CAMPAIGN_PAGE).is_file() and not (there.kept and (out / INDEX).is_file()):
             write_index(out)
     except (OSError, OutputError) as fault:
         why = getattr(fault, "strerror", None) or fault
         raise OutputError(
-            f"{out}: the tables and reports of the campaign cannot be written ({why}); free some space. "
+            f"{out}: the tables and reports of the campaign cannot be written ({why}); free some "
+            f"space. "
             "The results of the logs are kept."
         ) from None
     return batch
@@ -183,7 +221,8 @@ def _put_together(plan: Plan, batch: Batch, products: Products) -> Batch:
 def _write_campaign(
     plan: Plan, batch: Batch, products: Products, wanted: Sequence[str], digests: dict[str, str]
 ) -> None:
-    """Make the files of a campaign in a scratch folder and put them in place together: a full disk leaves the earlier ones.
+    """Make the files of a campaign in a scratch folder and put them in place together: a full disk
+    leaves the earlier ones.
 
     Parameters
     ----------
@@ -194,7 +233,9 @@ def _write_campaign(
     (out / "dataset").mkdir(exist_ok=True)
     with scratch_folder(out) as made:
         records = with_findings_between(read_results(batch.results), campaign.between)
-        write_dataset(records, made / "dataset", cascades=[work.settings.rig.cascade for work in plan.work])
+        write_dataset(
+            records, made / "dataset", cascades=[work.settings.rig.cascade for work in plan.work]
+        )
         if products.workbook:
             write_workbook(made / "dataset", made / CAMPAIGN_WORKBOOK)
         if products.reports:
@@ -205,7 +246,8 @@ def _write_campaign(
         outdated = [name for name in CAMPAIGN_FILES[1:] if name not in digests]
         outdated += [] if CAMPAIGN_PAGE in digests else [INDEX]
         put_in_place(
-            {made / name: out / name for name in (*wanted, CAMPAIGN_RECORD)}, without=[out / name for name in outdated]
+            {made / name: out / name for name in (*wanted, CAMPAIGN_RECORD)},
+            without=[out / name for name in outdated],
         )
 
 
@@ -217,4 +259,9 @@ def _write_reports(campaign: CampaignRecord, made: Path, out: Path, products: Pr
 
     report = written_campaign(campaign, made, results=out, command=products.command)
     paths = {ending: made / f"campaign.{ending}" for ending in products.reports}
-    publish(replace(report, links=links_to([INDEX])), html=paths.get("html"), pdf=paths.get("pdf"), force=True)
+    publish(
+        replace(report, links=links_to([INDEX])),
+        html=paths.get("html"),
+        pdf=paths.get("pdf"),
+        force=True,
+    )

@@ -1,4 +1,6 @@
-"""The seas of a command: wave heights and periods as given, the bins of a scatter table, or the waves of a log."""
+"""The seas of a command: wave heights and periods as given, the bins of a scatter table, or the
+waves of a log.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,8 @@ def seas_of(
     minutes: float,
     seed: int,
 ) -> Seas:
-    """Every height with every period, the rows of a scatter table, of which those in one bin are put together, or a log.
+    """Every height with every period, the rows of a scatter table, of which those in one bin are
+    put together, or a log.
 
     Parameters
     ----------
@@ -45,19 +48,33 @@ def seas_of(
     OptionError : none or several are given, or a number that is none
     LogError : the log cannot be read
     """
-    if [scatter is not None, motion is not None, bool(heights or periods)].count(True) != 1 or (not heights) != (
-        not periods
-    ):
+    if [scatter is not None, motion is not None, bool(heights or periods)].count(True) != 1 or (
+        not heights
+    ) != (not periods):
         raise OptionError("sea: expected --hs M and --tp S, --scatter FILE, or --motion LOG.")
-    numbers = {"--hs": heights, "--tp": periods, "--bins": bins, "--froude": [froude], "--minutes": [minutes]}
+    numbers = {
+        "--hs": heights,
+        "--tp": periods,
+        "--bins": bins,
+        "--froude": [froude],
+        "--minutes": [minutes],
+    }
     for option, given in {**numbers, "--gamma": [gamma]}.items():
         if not all(0.0 < number < math.inf for number in given):
-            raise OptionError(f"{option} {','.join(f'{x:g}' for x in given)}: expected finite numbers above 0.")
+            raise OptionError(
+                f"{option} {','.join(f'{x:g}' for x in given)}: expected finite numbers above 0."
+            )
     if len(bins) != len(BINS):
-        raise OptionError(f"--bins {','.join(f'{x:g}' for x in bins)}: expected a height [m] and a period [s].")
+        raise OptionError(
+            f"--bins {','.join(f'{x:g}' for x in bins)}: expected a height [m] and a period [s]."
+        )
     if motion is not None:
         return _of_log(motion, froude, seed)
-    found = {(hs, tp): math.nan for hs in heights for tp in periods} if scatter is None else _binned(scatter, bins)
+    found = (
+        {(hs, tp): math.nan for hs in heights for tp in periods}
+        if scatter is None
+        else _binned(scatter, bins)
+    )
     if len(found) > MAX_SEAS:
         raise OptionError(f"sea: {len(found)} seas; expected {MAX_SEAS} at most.")
     return Seas(
@@ -73,13 +90,18 @@ def _of_log(path: Path, froude: float, seed: int) -> Seas:
     """The waves of a log as the only sea; they have no hours."""
     run = read_run(path, campaign=False)
     if "velocity" not in run.channels:
-        raise OptionError(f"--motion {path}: no displacement or velocity of a line; expected one of them over time.")
+        raise OptionError(
+            f"--motion {path}: no displacement or velocity of a line; expected one of them over "
+            f"time."
+        )
     ramp = motion_of_runs([run]).ramp
     try:
         sea, waves = logged(run.t, line_velocity(run, ramp).value, ramp)
     except OptionError as fault:
         raise OptionError(f"--motion {path}: {fault}") from None
-    return Seas((sea,), (math.nan,), froude=froude, minutes=waves.duration / 60.0, seed=seed, log=waves)
+    return Seas(
+        (sea,), (math.nan,), froude=froude, minutes=waves.duration / 60.0, seed=seed, log=waves
+    )
 
 
 def _binned(path: Path, bins: Sequence[float]) -> dict[tuple[float, float], float]:
@@ -87,9 +109,13 @@ def _binned(path: Path, bins: Sequence[float]) -> dict[tuple[float, float], floa
     try:
         head, *lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, ValueError) as fault:
-        raise OptionError(f"--scatter {path}: cannot be read ({fault}); expected {','.join(SCATTER)}.") from None
+        raise OptionError(
+            f"--scatter {path}: cannot be read ({fault}); expected {','.join(SCATTER)}."
+        ) from None
     if tuple(cell.strip() for cell in head.split(",")) != SCATTER:
-        raise OptionError(f"--scatter {path}: begins with {head[:60]!r}; expected {','.join(SCATTER)}.")
+        raise OptionError(
+            f"--scatter {path}: begins with {head[:60]!r}; expected {','.join(SCATTER)}."
+        )
     found: dict[tuple[float, float], float] = {}
     for number, line in enumerate(lines, 2):
         if not line.strip():
@@ -100,12 +126,14 @@ def _binned(path: Path, bins: Sequence[float]) -> dict[tuple[float, float], floa
             hs = tp = hours = -1.0
         if not (0.0 < hs < math.inf and 0.0 < tp < math.inf and 0.0 <= hours < math.inf):
             raise OptionError(
-                f"--scatter {path}: line {number} is {line[:60]!r}; expected a height [m] and a period [s] above 0, and hours."
+                f"--scatter {path}: line {number} is {line[:60]!r}; expected a height [m] and a "
+                f"period [s] above 0, and hours."
             )
         middle = tuple(round(x / width) * width for x, width in zip((hs, tp), bins, strict=True))
         if not all(middle):
             raise OptionError(
-                f"--scatter {path}: line {number} lies in a bin about 0; expected seas above half of {bins[0]:g} m and "
+                f"--scatter {path}: line {number} lies in a bin about 0; expected seas above half "
+                f"of {bins[0]:g} m and "
                 f"{bins[1]:g} s, so give narrower --bins."
             )
         place = round(middle[0], 9), round(middle[1], 9)

@@ -1,4 +1,6 @@
-"""Cases of trials as data: what is injected, how it is logged and stated, and the campaign that a twin makes of it."""
+"""Cases of trials as data: what is injected, how it is logged and stated, and the campaign that
+a twin makes of it.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,14 @@ from winchcascade.blind.machine_file import in_si_units, machine_toml
 from winchcascade.blind.simulators import simulated_log
 from winchcascade.blind.truth import Truth, truth_by_effects
 from winchcascade.blind.twin import FIXED, Twin, draw_motion, draw_twin, read_log, solve_twin
-from winchcascade.blind.twin_numbers import CRANE_LOGGER, LOAD_SCATTER, LOADS, SCATTER, Logger, Numbers
+from winchcascade.blind.twin_numbers import (
+    CRANE_LOGGER,
+    LOAD_SCATTER,
+    LOADS,
+    SCATTER,
+    Logger,
+    Numbers,
+)
 from winchcascade.core.run import Signal
 
 BLIND = "blind"
@@ -37,8 +46,9 @@ NOMINAL = Numbers()
 
 
 class WrongEntry(msgspec.Struct, frozen=True):
-    """A wrong entry of the rig file or of one run: the suspect that describes it, the stated value over the true one [1], the
-    log whose load is wrong, and whether the logger computes the motion of the line with the wrong radius, too.
+    """A wrong entry of the rig file or of one run: the suspect that describes it, the stated value
+    over the true one [1], the log whose load is wrong, and whether the logger computes the motion
+    of the line with the wrong radius, too.
     """
 
     effect: str
@@ -65,9 +75,15 @@ class WrongEntry(msgspec.Struct, frozen=True):
         return {f"{self.key}_ratio": getattr(twin.numbers, self.key) / stated}
 
     def product(self, twin: Twin, machine: Machine) -> dict[str, dict[str, float]]:
-        """Values that give the true k_e times gear ratio, by the suspect that makes up for the whole error of the product."""
+        """Values that give the true k_e times gear ratio, by the suspect that makes up for the
+        whole error of the product.
+        """
         product = twin.numbers.k_e / (machine.numbers.k_e * self.factor)  # true over stated
-        gear = machine.fixed.gear * machine.units.gear * (self.factor if self.key == "gear_ratio" else 1.0)
+        gear = (
+            machine.fixed.gear
+            * machine.units.gear
+            * (self.factor if self.key == "gear_ratio" else 1.0)
+        )
         return {
             "gear_ratio": {"gear_ratio": gear * product},
             "ke_shift": {"k_e_change": product - 1.0},
@@ -124,10 +140,18 @@ class Case(msgspec.Struct, frozen=True):
 
     @property
     def text(self) -> str:
-        """What is injected and the settings of the campaign: the fields that are not their defaults, as JSON."""
-        plain, own = (msgspec.to_builtins(case) for case in (Case(self.family, self.number, self.seed), self))
+        """What is injected and the settings of the campaign: the fields that are not their
+        defaults, as JSON.
+        """
+        plain, own = (
+            msgspec.to_builtins(case) for case in (Case(self.family, self.number, self.seed), self)
+        )
         beside = ("kind", "truth", "machine")
-        parts = {name: value for name, value in own.items() if value != plain[name] and name not in beside}
+        parts = {
+            name: value
+            for name, value in own.items()
+            if value != plain[name] and name not in beside
+        }
         words = [f"{name} {msgspec.json.encode(value).decode()}" for name, value in parts.items()]
         words += [self.machine.text] if self.machine != PAPER else []
         return ", ".join(words) or "nothing"
@@ -153,7 +177,9 @@ def plan_cases(count: int, seed: int) -> tuple[Case, ...]:
 
 
 def _in_turn(names: list[str], rng: np.random.Generator) -> Iterator[str]:
-    """Names in a random order, repeated without end; the order is drawn when the first name is taken."""
+    """Names in a random order, repeated without end; the order is drawn when the first name is
+    taken.
+    """
     yield from cycle([names[k] for k in rng.permutation(len(names))])
 
 
@@ -167,10 +193,14 @@ def _pair(rng: np.random.Generator) -> dict[str, float]:
 
 
 def draw(case: Case) -> tuple[Hidden, Twin, np.random.Generator]:
-    """Injected values and the twin of a case, and the generator from which the logs are drawn next."""
+    """Injected values and the twin of a case, and the generator from which the logs are drawn
+    next.
+    """
     rng = np.random.default_rng([case.seed, case.number])
     machine = case.machine
-    effects = {name: strength * machine.strengths.get(name, 1.0) for name, strength in case.effects.items()}
+    effects = {
+        name: strength * machine.strengths.get(name, 1.0) for name, strength in case.effects.items()
+    }
     hidden = draw_hidden(effects, case.outsider, rng, case.reported, duration=machine.crane.stroke)
     hidden = msgspec.structs.replace(hidden, physics=case.physics)
     return hidden, draw_twin(hidden, rng, case.scatter, machine), rng
@@ -180,7 +210,9 @@ ORIGIN = "Made by a numerical twin of the rig, with hidden numbers and effects"
 """Sentence on where the logs of a case come from."""
 
 STATED_LOADS = {log: math.inf if log == "open_circuit" else ohm for log, ohm in LOADS.items()}
-"""Load that the campaign.toml of a case states for each log, infinite for the open circuit. [ohm]"""
+"""Load that the campaign.toml of a case states for each log, infinite for the open circuit.
+[ohm]
+"""
 
 HEADERS = {
     "time": "Time (s)", "displacement": "Displacement (m)", "velocity": "Velocity (m/s)", "pressure": "Pressure (kg/cm2)",
@@ -192,27 +224,36 @@ FILES = dict(zip(LOADS, ("open_circuit", *(f"load_{letter}" for letter in "abcde
 """Names of the logs of a rig whose loads are others than the paper's."""
 
 PLAIN, CALIBRATED = "plain.toml", "calibrated.toml"
-"""Of a case whose rig file is calibrated: the campaign with the rig file as it was before, and the calibrated file."""
+"""Of a case whose rig file is calibrated: the campaign with the rig file as it was before, and
+the calibrated file.
+"""
 
 SIMULATED = "simulated"
 """Folder of the owner's own simulation."""
 
 
 def write_campaign(case: Case, folder: Path) -> None:
-    """Write the logs of a case, its campaign.toml and its rig file; the same case gives the same bytes every time."""
+    """Write the logs of a case, its campaign.toml and its rig file; the same case gives the same
+    bytes every time.
+    """
     _, twin, rng = draw(case)
     stated, entry, machine = stated_loads(case.machine), case.entry, case.machine
     if entry is not None and entry.log is not None:
         stated[entry.log] = round(stated[entry.log] * entry.factor, 3)
     loads, order = {}, (case.order or tuple(stated)) * case.repeats
-    for k, (log, here) in enumerate(zip(order, twin_by_run(twin, case.history, order), strict=True)):
+    for k, (log, here) in enumerate(
+        zip(order, twin_by_run(twin, case.history, order), strict=True)
+    ):
         place = log if machine == PAPER else FILES[log]
         name = place if case.repeats == 1 else f"{place}_{k // len(stated) + 1:02d}"
         x, v, resting = draw_motion(log, rng, machine.crane)
         solved = solve_twin(here, log, x, v, resting, fine=steps_of(machine))
         columns = in_si_units(machine, read_log(here, solved, rng, case.logger))
         if entry is not None and entry.shared:
-            columns |= {key: np.round(columns[key] * entry.factor, 4) for key in ("displacement", "velocity")}
+            columns |= {
+                key: np.round(columns[key] * entry.factor, 4)
+                for key in ("displacement", "velocity")
+            }
         write_log(folder / f"{name}.csv", columns)
         if case.simulator is not None:
             write_log(folder / SIMULATED / f"{name}.csv", simulated_log(case.simulator, log, x, v))
@@ -234,7 +275,8 @@ def stated_loads(machine: Machine) -> dict[str, float]:
         return dict(STATED_LOADS)
     ohm = machine.units.factor("ohm")
     return {
-        log: math.inf if log == "open_circuit" else float(f"{here * ohm:.6g}") for log, here in machine.loads.items()
+        log: math.inf if log == "open_circuit" else float(f"{here * ohm:.6g}")
+        for log, here in machine.loads.items()
     }
 
 
@@ -244,15 +286,23 @@ def steps_of(machine: Machine) -> int:
 
 
 def write_log(path: Path, columns: Mapping[str, Signal]) -> None:
-    """Write a log in the format of the logger of the crane, with no more digits than a channel has."""
+    """Write a log in the format of the logger of the crane, with no more digits than a channel
+    has.
+    """
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     header = ",".join(HEADERS[name] for name in columns)
     path.parent.mkdir(exist_ok=True)
-    path.write_bytes(("\n".join([header, *(",".join(map(repr, row)) for row in rows)]) + "\n").encode())
+    path.write_bytes(
+        ("\n".join([header, *(",".join(map(repr, row)) for row in rows)]) + "\n").encode()
+    )
 
 
 def campaign_toml(
-    title: str, loads: Mapping[str, float] = STATED_LOADS, rig: str = "rig.toml", *, simulated: bool = False
+    title: str,
+    loads: Mapping[str, float] = STATED_LOADS,
+    rig: str = "rig.toml",
+    *,
+    simulated: bool = False,
 ) -> str:
     """Make the campaign.toml of a case.
 
@@ -269,9 +319,14 @@ def campaign_toml(
 
 
 def _rig_file(case: Case) -> str:
-    """The rig file of a campaign: sensors known as the twin draws their errors, and the wrong entries of the case."""
+    """The rig file of a campaign: sensors known as the twin draws their errors, and the wrong
+    entries of the case.
+    """
     shares = {name: getattr(SCATTER, name) / getattr(NOMINAL, name) for name in case.bias}
-    factors = {"mu_screw" if name == "mu" else name: 1.0 + by * shares[name] for name, by in case.bias.items()}
+    factors = {
+        "mu_screw" if name == "mu" else name: 1.0 + by * shares[name]
+        for name, by in case.bias.items()
+    }
     if case.entry is not None and case.entry.log is None:
         factors[case.entry.key] = case.entry.factor
     return machine_toml(case.machine, f"{case.family} {case.number}", factors)
@@ -296,19 +351,29 @@ EFFECT_OF = {
 """Effect by which a wrong number or gain of the rig is named."""
 
 REAL = 2.5
-"""Deviation of a number from the rig file, in stated uncertainties, from which it is a true cause. [1]"""
+"""Deviation of a number from the rig file, in stated uncertainties, from which it is a true
+cause. [1]
+"""
 
 
 def _wrong_numbers(case: Case, twin: Twin) -> tuple[str, ...]:
-    """Effects that describe true deviations of a twin from a rig file that is worse than it states."""
+    """Effects that describe true deviations of a twin from a rig file that is worse than it
+    states.
+    """
     if not case.bias and case.scatter == 1.0:
         return ()
     by = {
         name: (true - stated) / u - case.bias.get(name, 0.0)
-        for name, true, stated, u in zip(twin.numbers._fields, twin.numbers, NOMINAL, SCATTER, strict=True)
+        for name, true, stated, u in zip(
+            twin.numbers._fields, twin.numbers, NOMINAL, SCATTER, strict=True
+        )
     }
     by |= {name: (gain - 1.0) / LOAD_SCATTER for name, gain in twin.gains.items()}
-    return tuple(EFFECT_OF[name] for name, deviation in by.items() if name in EFFECT_OF and abs(deviation) >= REAL)
+    return tuple(
+        EFFECT_OF[name]
+        for name, deviation in by.items()
+        if name in EFFECT_OF and abs(deviation) >= REAL
+    )
 
 
 def truth_of(case: Case) -> Truth:

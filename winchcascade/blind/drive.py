@@ -1,8 +1,10 @@
-"""The drive of the twin in time: clutch, shaft, gear, rotor, generator, bridge and DC link along a given speed of the drum.
+"""The drive of the twin in time: clutch, shaft, gear, rotor, generator, bridge and DC link along a
+given speed of the drum.
 
-Each of the three phases is a back-EMF behind R and L, the star point floats, a diode is a switch with a drop. Within a step
-the currents follow the trapezoidal rule at the back-EMFs half-way. Where a diode opens or closes inside the step, the instant
-is found by a straight line, and the step continues from there in the new state.
+Each of the three phases is a back-EMF behind R and L, the star point floats, a diode is a switch
+with a drop. Within a step the currents follow the trapezoidal rule at the back-EMFs half-way. Where
+a diode opens or closes inside the step, the instant is found by a straight line, and the step
+continues from there in the new state.
 """
 
 import math
@@ -29,26 +31,35 @@ GRID = 1e-3
 """Interval over which what the drive does is averaged. [s]"""
 
 FINE, COARSE = 20, 4
-"""Steps of an interval while a diode may conduct, and while none can: half of 50 us changes no channel by more than 0.05 %."""
+"""Steps of an interval while a diode may conduct, and while none can: half of 50 us changes no
+channel by more than 0.05 %.
+"""
 
 _QUIET = 0.97
 """Below this share of the voltage that a diode would need, none is looked for. [1]"""
 
 _EMPTY, _NO_CURRENT = 1e-9, 1e-3
-"""A DC link below this is empty [V]; current at which the logarithmic law of a silicon diode ends [A]."""
+"""A DC link below this is empty [V]; current at which the logarithmic law of a silicon diode
+ends [A].
+"""
 
 _FADE, _COOLING = 5e-3, 60.0
-"""Averaging time of the stator current that weakens the magnets, and time in which a load gives its heat away. [s]"""
+"""Averaging time of the stator current that weakens the magnets, and time in which a load gives
+its heat away. [s]
+"""
 
 _TURN, _SLIP = 1.0, 0.02
-"""Speeds within which friction of the fast shaft changes its sign, and in which the drag of a clutch is reached. [rad/s]"""
+"""Speeds within which friction of the fast shaft changes its sign, and in which the drag of a
+clutch is reached. [rad/s]
+"""
 
 _LEAK_VOLT, _LEAK_POWER = 300.0, 4.0
 """Leakage across the DC link: `leaking_link` (v / 300 V)^4. [V, 1]"""
 
 
 class Drive(NamedTuple):
-    """Numbers of the drive, SI units; an effect or an outsider that has a field here is absent at its default.
+    """Numbers of the drive, SI units; an effect or an outsider that has a field here is absent at
+    its default.
 
     Parameters
     ----------
@@ -57,12 +68,15 @@ class Drive(NamedTuple):
     law, knee, width, power : of the roll-off [one of `KNEE`, `LINE`, `BELL`; A, A or 1/A, 1]
     warming : rise of the load with the heat in it [1/J]
     leaking_link : current across the DC link before the sensor at 300 V [A]
-    gear_slope, gear_curve : fall of the mesh efficiency with the torque of the slow shaft and with its square [1/N m, 1/(N m)2]
+    gear_slope, gear_curve : fall of the mesh efficiency with the torque of the slow shaft and with
+        its square [1/N m, 1/(N m)2]
     dead_phase : number of the phase whose upper diode never conducts, -1 where all conduct
     diode_slope : slope of a diode [ohm]
-    diode_scale : rise of the voltage of a diode per factor e of its current, `Fixed.v_diode` at 1 A [V]
+    diode_scale : rise of the voltage of a diode per factor e of its current, `Fixed.v_diode` at 1 A
+        [V]
     cable : resistance between the DC link and the sensor of Vdc [ohm]
-    overrunning_drag : torque of the clutch at the slow shaft while the rotor is faster than the drum [N m]
+    overrunning_drag : torque of the clutch at the slow shaft while the rotor is faster than the
+        drum [N m]
     """
 
     fixed: Fixed
@@ -86,13 +100,17 @@ class Drive(NamedTuple):
 
 
 COLUMNS = ("torque", "vdc", "idc", "omega")
-"""Output of the drive, means over each interval: torque at the sensor [N m], Vdc [V], Idc [A], speed of the rotor [rad/s]."""
+"""Output of the drive, means over each interval: torque at the sensor [N m], Vdc [V], Idc [A],
+speed of the rotor [rad/s].
+"""
 
 LEDGER = (
     "shaft", "mesh", "damper", "rotor_drag", "copper", "diodes", "leak", "load", "cable", "clutch", "spring", "rotor", "field",
     "link",
 )  # fmt: skip
-"""Energy until the end: in at the shaft, then lost, delivered and stored; all but the first add up to it. [J]"""
+"""Energy until the end: in at the shaft, then lost, delivered and stored; all but the first add
+up to it. [J]
+"""
 
 
 class BridgeSource(NamedTuple):
@@ -137,7 +155,9 @@ def _star(emf: Signal, on: Switches, v_total: float) -> float:
 
 
 @njit(cache=True)
-def _advance(i: Signal, on: Switches, emf: Signal, source: BridgeSource, h: float, out: Signal) -> None:
+def _advance(
+    i: Signal, on: Switches, emf: Signal, source: BridgeSource, h: float, out: Signal
+) -> None:
     """Currents after a time h in one state of the diodes."""
     star = _star(emf, on, source.v_total)
     fade = 0.5 * source.r_s * h / source.l_s
@@ -151,7 +171,9 @@ def _advance(i: Signal, on: Switches, emf: Signal, source: BridgeSource, h: floa
 
 @njit(cache=True)
 def _opening(i: Signal, then: Signal, on: Switches) -> tuple[int, float]:
-    """Phase whose diode opens first as its current turns, and at which share of the step; -1 if none does."""
+    """Phase whose diode opens first as its current turns, and at which share of the step; -1 if
+    none does.
+    """
     phase, share = -1, 1.0
     for k in range(3):
         if on[k] * then[k] < 0.0:
@@ -165,8 +187,8 @@ def _opening(i: Signal, then: Signal, on: Switches) -> tuple[int, float]:
 def _closing(
     before: Signal, after: Signal, on: Switches, source: BridgeSource, phase: int, share: float
 ) -> tuple[int, int, float]:
-    """Phase whose diode closes first as its terminal passes a rail, to which rail, and at which share; unless another one
-    opens before, which is given as `_opening` returns it.
+    """Phase whose diode closes first as its terminal passes a rail, to which rail, and at which
+    share; unless another one opens before, which is given as `_opening` returns it.
     """
     rail, v_total = 0, source.v_total
     low, high = _star(before, on, v_total), _star(after, on, v_total)
@@ -174,7 +196,9 @@ def _closing(
         if on[k] != 0 or (k == source.dead_phase and after[k] + high > v_total):
             continue
         first, last = before[k] + low, after[k] + high
-        to, past, end = (1, first - v_total, last - v_total) if last > v_total else (-1, -first, -last)
+        to, past, end = (
+            (1, first - v_total, last - v_total) if last > v_total else (-1, -first, -last)
+        )
         here = 0.0 if past >= 0.0 else past / (past - end)
         if end > 0.0 and (here < share or phase < 0):
             phase, rail, share = k, to, here
@@ -183,7 +207,9 @@ def _closing(
 
 @njit(cache=True)
 def _wake(before: Signal, after: Signal, v_total: float, dead_phase: int) -> tuple[int, int, float]:
-    """Upper and lower phase that begin to conduct from rest within a step, and at which share; -1 if none do."""
+    """Upper and lower phase that begin to conduct from rest within a step, and at which share;
+    -1 if none do.
+    """
     high, low = int(np.argmax(after)), int(np.argmin(after))
     if high == dead_phase:
         high = 3 - high - low  # the phase between the other two
@@ -196,7 +222,9 @@ def _wake(before: Signal, after: Signal, v_total: float, dead_phase: int) -> tup
 
 @njit(cache=True)
 def _switch(i: Signal, on: Switches, phase: int, rail: int) -> None:
-    """Connect a phase to a rail, or let its diode open: the other two carry one current, or none if it was one of two."""
+    """Connect a phase to a rail, or let its diode open: the other two carry one current, or none
+    if it was one of two.
+    """
     on[phase] = rail
     if rail == 0:
         a, b = (phase + 1) % 3, (phase + 2) % 3
@@ -208,7 +236,9 @@ def _switch(i: Signal, on: Switches, phase: int, rail: int) -> None:
 
 
 @njit(cache=True)
-def bridge_step(i: Signal, on: Switches, source: BridgeSource, dt: float, work: Signal) -> tuple[float, float, float]:
+def bridge_step(
+    i: Signal, on: Switches, source: BridgeSource, dt: float, work: Signal
+) -> tuple[float, float, float]:
     """Step the phases and the bridge by a time dt; `i` and `on` are changed in place.
 
     Parameters
@@ -219,7 +249,8 @@ def bridge_step(i: Signal, on: Switches, source: BridgeSource, dt: float, work: 
 
     Returns
     -------
-    charge into the DC link [C], energy out of the back-EMFs [J], integral of the sum of squared currents [A2 s]
+    charge into the DC link [C], energy out of the back-EMFs [J], integral of the sum of squared
+    currents [A2 s]
     """
     before, half, after, then = work[0], work[1], work[2], work[3]
     angle, turn, amplitude, v_total = source.angle, source.turn, source.amplitude, source.v_total
@@ -275,7 +306,9 @@ def weakened(i_s: float, law: float, knee: float, width: float, power: float) ->
 
 @njit(cache=True)
 def _clutch(twist: float, slip: float, f: Fixed) -> tuple[float, float]:
-    """Torque of the slow shaft [N m], and twisting of its spring [rad/s]; it lets go where both would pull."""
+    """Torque of the slow shaft [N m], and twisting of its spring [rad/s]; it lets go where both
+    would pull.
+    """
     torque = f.k_shaft * twist + f.c_shaft * slip
     if torque > 0.0:
         return torque, slip
@@ -284,8 +317,14 @@ def _clutch(twist: float, slip: float, f: Fixed) -> tuple[float, float]:
 
 @njit(cache=True)
 def _link(v_dc: float, charge: float, load: float, dt: float, d: Drive) -> tuple[float, float]:
-    """Voltage of the DC link after a step that brings it a charge [V], and the current that leaks past the load [A]."""
-    leaking = d.leaking_link * (v_dc / _LEAK_VOLT) ** _LEAK_POWER if d.leaking_link > 0.0 and v_dc > 0.0 else 0.0
+    """Voltage of the DC link after a step that brings it a charge [V], and the current that
+    leaks past the load [A].
+    """
+    leaking = (
+        d.leaking_link * (v_dc / _LEAK_VOLT) ** _LEAK_POWER
+        if d.leaking_link > 0.0 and v_dc > 0.0
+        else 0.0
+    )
     fade = 0.5 * dt / (load * d.numbers.c_dc)
     then = (v_dc * (1.0 - fade) + (charge - leaking * dt) / d.numbers.c_dc) / (1.0 + fade)
     return (then if then > _EMPTY else 0.0), leaking
@@ -293,7 +332,9 @@ def _link(v_dc: float, charge: float, load: float, dt: float, d: Drive) -> tuple
 
 @njit(cache=True)
 def _diode(current: float, d: Drive) -> float:
-    """Threshold of a diode at the mean current of the bridge: v = v_1 + n V_t ln(i / 1 A), its slope apart. [V]"""
+    """Threshold of a diode at the mean current of the bridge: v = v_1 + n V_t ln(i / 1 A), its
+    slope apart. [V]
+    """
     if d.diode_scale == 0.0:
         return d.fixed.v_diode
     return d.fixed.v_diode + d.diode_scale * math.log(max(current, _NO_CURRENT))
@@ -311,7 +352,8 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int) -> tuple[Si
 
     Returns
     -------
-    (n, 14), `COLUMNS` and the first ten of `LEDGER` for each interval, and (4,), the last of `LEDGER` at the end
+    (n, 14), `COLUMNS` and the first ten of `LEDGER` for each interval, and (4,), the last of
+    `LEDGER` at the end
     """
     f, c = d.fixed, d.numbers
     out = np.zeros((len(mesh), 14))
@@ -319,7 +361,9 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int) -> tuple[Si
     twist = omega = v_dc = angle = heat = mean_square = mean_dc = 0.0
     emf, share = c.k_e * 30.0 / math.pi, c.eta_mesh / f.gear
     for n in range(len(mesh)):
-        awake = np.any(on) or emf * omega * math.sqrt(2.0) > _QUIET * (v_dc + 2.0 * _diode(mean_dc, d))
+        awake = np.any(on) or emf * omega * math.sqrt(2.0) > _QUIET * (
+            v_dc + 2.0 * _diode(mean_dc, d)
+        )
         steps = fine if awake else COARSE
         dt = GRID / steps
         for m in range(steps):
@@ -327,13 +371,20 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int) -> tuple[Si
             slip = drum - omega / f.gear
             torque, rate = _clutch(twist, slip, f)
             overruns = torque == 0.0 and slip < 0.0
-            dragging = d.overrunning_drag * slip / math.sqrt(slip * slip + _SLIP**2) if overruns else 0.0
+            dragging = (
+                d.overrunning_drag * slip / math.sqrt(slip * slip + _SLIP**2) if overruns else 0.0
+            )
             # generator and bridge
             turn = f.pole_pairs * omega
             charge = energy = square = 0.0
             v_diode = _diode(mean_dc, d)
             if awake and omega > 0.0:
-                amplitude = PEAK * emf * omega * weakened(math.sqrt(mean_square), d.law, d.knee, d.width, d.power)
+                amplitude = (
+                    PEAK
+                    * emf
+                    * omega
+                    * weakened(math.sqrt(mean_square), d.law, d.knee, d.width, d.power)
+                )
                 v_total, r_s = v_dc + 2.0 * v_diode, c.r_s + d.diode_slope
                 source = BridgeSource(angle, turn, amplitude, v_total, r_s, c.l_s, d.dead_phase)
                 charge, energy, square = bridge_step(i, on, source, dt, work)
@@ -344,7 +395,9 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int) -> tuple[Si
             # fast shaft
             dry = d.rotor_friction * omega / math.sqrt(omega**2 + _TURN**2)
             drag = omega * (c.b_rotor + d.rotor_windage * abs(omega)) + dry
-            loaded = share - (d.gear_slope + d.gear_curve * torque) * torque / f.gear  # efficiency falls under load
+            loaded = (
+                share - (d.gear_slope + d.gear_curve * torque) * torque / f.gear
+            )  # efficiency falls under load
             driving = torque * loaded / mesh[n]
             then = max(omega + dt * (driving + dragging / f.gear - brake - drag) / f.j_rotor, 0.0)
             # DC link and load
@@ -363,5 +416,7 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int) -> tuple[Si
             for k in range(14):
                 out[n, k] += row[k]
             twist, omega, v_dc = twist + dt * rate, then, v_then
-    stored = np.array((f.k_shaft * twist**2, f.j_rotor * omega**2, c.l_s * np.sum(i**2), c.c_dc * v_dc**2))
+    stored = np.array(
+        (f.k_shaft * twist**2, f.j_rotor * omega**2, c.l_s * np.sum(i**2), c.c_dc * v_dc**2)
+    )
     return out, 0.5 * stored

@@ -1,7 +1,8 @@
-"""What changes from run to run of a campaign: a machine that warms, gas that escapes, and sensors that drift.
+"""What changes from run to run of a campaign: a machine that warms, gas that escapes, and sensors
+that drift.
 
-Within a run none of it changes. The machine has one temperature above the cold state; resistance and back-EMF follow it in
-proportion, as copper (0.39 %/K) and magnets do.
+Within a run none of it changes. The machine has one temperature above the cold state; resistance
+and back-EMF follow it in proportion, as copper (0.39 %/K) and magnets do.
 """
 
 from __future__ import annotations
@@ -25,11 +26,13 @@ class History(msgspec.Struct, frozen=True):
     Parameters
     ----------
     heat : the same in every run, or that of the stator current at the load of the run
-    time_constant : of the temperature of the machine, over the time between the starts of two runs [1]
+    time_constant : of the temperature of the machine, over the time between the starts of two runs
+        [1]
     instant : share of a run after which its temperature counts: 0 where the first run is cold [1]
     k_e_fall, r_s_rise : at the hottest run [1]
     gas_leak : share of the absolute precharge that is lost between the first and the last run [1]
-    gain_drifts, zero_drifts : of sensors between the first and the last run, by channel [1, unit of the log]
+    gain_drifts, zero_drifts : of sensors between the first and the last run, by channel [1, unit of
+        the log]
     """
 
     heat: Literal["constant", "load"] = "constant"
@@ -43,10 +46,12 @@ class History(msgspec.Struct, frozen=True):
 
 
 def stator_heat(log: str) -> float:
-    """Square of the rms stator current at the plateau of a log, from the mean voltage of a diode bridge. [A2]
+    """Square of the rms stator current at the plateau of a log, from the mean voltage of a diode
+    bridge. [A2]
 
-    Mohan, Undeland, Robbins, Power Electronics, Sec. 5-6: the bridge gives 1.35 times the line-to-line voltage, less the drops
-    of two phases and of commutation; the rms current of a phase is 0.816 times the DC current.
+    Mohan, Undeland, Robbins, Power Electronics, Sec. 5-6: the bridge gives 1.35 times the
+    line-to-line voltage, less the drops of two phases and of commutation; the rms current of a
+    phase is 0.816 times the DC current.
     """
     n, rotor = Numbers(), SPEED[log] / FIXED.r_drum * FIXED.gear
     overlap = 3.0 / math.pi * FIXED.pole_pairs * rotor * n.l_s
@@ -55,7 +60,8 @@ def stator_heat(log: str) -> float:
 
 
 def temperatures(history: History, logs: Sequence[str]) -> list[float]:
-    """Temperature above the cold state in each run, over that of the hottest: dT/dt = (heat - T) / time constant. [1]
+    """Temperature above the cold state in each run, over that of the hottest: dT/dt = (heat - T) /
+    time constant. [1]
 
     Parameters
     ----------
@@ -70,7 +76,9 @@ def temperatures(history: History, logs: Sequence[str]) -> list[float]:
 
 
 def twin_by_run(twin: Twin, history: History, logs: Sequence[str]) -> list[Twin]:
-    """The twin as it is in each run; gas and sensors drift evenly from the first run to the last."""
+    """The twin as it is in each run; gas and sensors drift evenly from the first run to the
+    last.
+    """
     found = []
     for k, warm in enumerate(temperatures(history, logs)):
         place, n = k / max(len(logs) - 1, 1), twin.numbers
@@ -79,7 +87,10 @@ def twin_by_run(twin: Twin, history: History, logs: Sequence[str]) -> list[Twin]
             r_s=n.r_s * (1.0 + history.r_s_rise * warm),
             p_gas=n.p_gas * (1.0 - history.gas_leak * place),
         )
-        gains = {name: gain * (1.0 + history.gain_drifts.get(name, 0.0) * place) for name, gain in twin.gains.items()}
+        gains = {
+            name: gain * (1.0 + history.gain_drifts.get(name, 0.0) * place)
+            for name, gain in twin.gains.items()
+        }
         zeros = twin.zeros | {name: drift * place for name, drift in history.zero_drifts.items()}
         found.append(msgspec.structs.replace(twin, numbers=numbers, gains=gains, zeros=zeros))
     return found

@@ -1,4 +1,6 @@
-"""Causes that may be injected into a twin: effects of the catalogue by laws of the twin, and outsiders beyond the catalogue."""
+"""Causes that may be injected into a twin: effects of the catalogue by laws of the twin, and
+outsiders beyond the catalogue.
+"""
 
 import math
 from collections.abc import Mapping
@@ -11,9 +13,10 @@ from winchcascade.blind.units import PAPER_UNITS, Units
 
 
 class InjectedEffect(msgspec.Struct, frozen=True):
-    """An effect that may be injected: where in the cascade it acts, the parameter that a diagnosis reports of it, its unit, its
-    size at full strength on the rig of the paper, whether a size of either sign is drawn, and the factor of `Units` by which
-    the parameter is larger on a rig of another size.
+    """An effect that may be injected: where in the cascade it acts, the parameter that a diagnosis
+    reports of it, its unit, its size at full strength on the rig of the paper, whether a size of
+    either sign is drawn, and the factor of `Units` by which the parameter is larger on a rig of
+    another size.
     """
 
     stage: str
@@ -32,8 +35,12 @@ PARTS: dict[str, InjectedEffect] = {
     "diode_drop": InjectedEffect("generator", "v_d_extra", "V", 0.7, factor="volt"),
     "load_drift": InjectedEffect("generator", "r_load_change", "1", 0.035, either=True),
     "gear_mesh_loss": InjectedEffect("gearbox", "efficiency_change", "1", -0.05),
-    "rotor_viscous": InjectedEffect("gearbox", "b_extra", "N.m.s/rad", 6e-4, factor="damping_rotor"),
-    "rotor_windage": InjectedEffect("gearbox", "c_extra", "N.m.s2/rad2", 2.2e-6, factor="windage_rotor"),
+    "rotor_viscous": InjectedEffect(
+        "gearbox", "b_extra", "N.m.s/rad", 6e-4, factor="damping_rotor"
+    ),
+    "rotor_windage": InjectedEffect(
+        "gearbox", "c_extra", "N.m.s2/rad2", 2.2e-6, factor="windage_rotor"
+    ),
     "rotor_friction": InjectedEffect("gearbox", "torque", "N.m", 0.2, factor="torque_rotor"),
     "rotor_inertia": InjectedEffect("gearbox", "j_change", "1", 2.5),
     "clutch_drag": InjectedEffect("gearbox", "torque", "N.m", 3.0, factor="torque"),
@@ -56,13 +63,17 @@ PARTS: dict[str, InjectedEffect] = {
     "current_gain": InjectedEffect("sensor", "gain_error", "1", 0.025, either=True),
     "electrical_lag": InjectedEffect("sensor", "lag", "s", 0.12, factor="time"),
 }
-"""Every effect that a seed deals by its name, with its size at full strength. The order belongs to what a seed deals."""
+"""Every effect that a seed deals by its name, with its size at full strength. The order belongs
+to what a seed deals.
+"""
 
 LATER: dict[str, InjectedEffect] = {
     "stribeck": InjectedEffect("transmission", "slow_torque", "N.m", 5.0, factor="torque"),
     "pressure_gain": InjectedEffect("sensor", "gain_error", "1", 0.05, either=True),
 }
-"""Effects that joined the catalogue later: they are injected where a plan names them, and a seed deals what it always has."""
+"""Effects that joined the catalogue later: they are injected where a plan names them, and a seed
+deals what it always has.
+"""
 
 INJECTED = PARTS | LATER
 """Every effect that may be injected."""
@@ -72,24 +83,28 @@ OUTSIDERS: dict[str, float] = {
     "late_force": 0.12, "curved_torque": 0.06, "leaking_link": 0.2, "leaking_gas": 0.015, "worn_gear": 0.03,
     "saturated_current": 0.05,
 }  # fmt: skip
-"""Causes outside the catalogue, each with its size: time constant of the drive of the encoder [s], torque of a brake that
-drags now and then [N m], rise of a load that warms through a log [1], of the drum radius once a turn [1], play of the pressure
-sensor [kg/cm2], delay of the force cell [s], deficit of the torque sensor at 500 N m [1], leakage across the DC link at 300 V
-[A], gas lost in 100 s [1], ripple of the gear three times a turn [1], deficit of the current sensor at 15 A [1]."""
+"""Causes outside the catalogue, each with its size: time constant of the drive of the encoder [s],
+torque of a brake that drags now and then [N m], rise of a load that warms through a log [1], of the
+drum radius once a turn [1], play of the pressure sensor [kg/cm2], delay of the force cell [s],
+deficit of the torque sensor at 500 N m [1], leakage across the DC link at 300 V [A], gas lost in
+100 s [1], ripple of the gear three times a turn [1], deficit of the current sensor at 15 A [1]."""
 
 PHYSICS: dict[str, tuple[float, float]] = {
     "rope_loss": (0.01, 0.06), "gear_slope": (0.02, 0.06), "gear_curve": (0.02, 0.06), "dead_diode": (1.0, 3.0),
     "diode_extra": (0.0, 0.3), "diode_slope": (0.02, 0.12), "diode_scale": (0.04, 0.06), "cable": (0.05, 0.4),
     "overrunning_drag": (0.8, 5.0),
 }  # fmt: skip
-"""Further physics that a seed does not deal, each with its range: share of the tension that the rope loses [1], fall of the
-mesh efficiency at full torque, linear or quadratic [1], number of the phase without an upper diode, further threshold of a
-diode [V], its slope [ohm], rise of its voltage per factor e of the current [V], cable before the sensor of Vdc [ohm], drag of
-the overrunning clutch [N m]."""
+"""Further physics that a seed does not deal, each with its range: share of the tension that the
+rope loses [1], fall of the mesh efficiency at full torque, linear or quadratic [1], number of the
+phase without an upper diode, further threshold of a diode [V], its slope [ohm], rise of its voltage
+per factor e of the current [V], cable before the sensor of Vdc [ohm], drag of the overrunning
+clutch [N m]."""
 
 
 class Hidden(msgspec.Struct, frozen=True):
-    """Causes injected in one case: value of each effect, numbers of their laws, size of an outsider, and further physics."""
+    """Causes injected in one case: value of each effect, numbers of their laws, size of an
+    outsider, and further physics.
+    """
 
     effects: dict[str, float] = {}
     laws: dict[str, float] = {}
@@ -101,7 +116,9 @@ class Hidden(msgspec.Struct, frozen=True):
         return self.effects.get(name, self.outsiders.get(name, self.physics.get(name, 0.0)))
 
     def reported(self, units: Units = PAPER_UNITS) -> dict[str, dict[str, float]]:
-        """True value of the parameter that a diagnosis reports, by effect, on a rig in units of nature."""
+        """True value of the parameter that a diagnosis reports, by effect, on a rig in units of
+        nature.
+        """
         found = {}
         for name, value in self.effects.items():
             part = INJECTED[name]
@@ -111,7 +128,9 @@ class Hidden(msgspec.Struct, frozen=True):
 
 
 _SIGNS = {"ke_rolloff": -1.0, "gas_polytropic": 1.0}
-"""Effects whose reported parameter is 1 where they are absent, with the sign of what is added. [1]"""
+"""Effects whose reported parameter is 1 where they are absent, with the sign of what is added.
+[1]
+"""
 
 
 def draw_hidden(
@@ -133,7 +152,8 @@ def draw_hidden(
     """
     values = {name: strength * _size(INJECTED[name], rng) for name, strength in effects.items()}
     values |= {
-        name: (value - 1.0) * _SIGNS[name] if name in _SIGNS else value for name, value in (reported or {}).items()
+        name: (value - 1.0) * _SIGNS[name] if name in _SIGNS else value
+        for name, value in (reported or {}).items()
     }
     laws: dict[str, float] = {}
     if "ke_rolloff" in values:

@@ -1,4 +1,6 @@
-"""Judge a diagnosis by the truth of its campaign: whether it is honest, and whether it names what was injected."""
+"""Judge a diagnosis by the truth of its campaign: whether it is honest, and whether it names
+what was injected.
+"""
 
 from __future__ import annotations
 
@@ -21,11 +23,15 @@ MAX_RIVALS = 2
 """Maximum number of rivals of a cause that count as declared alternatives; look-alikes all do."""
 
 MAX_NAMES = 2
-"""Maximum number of causes with which an outsider counts as recognised; it never does if it is explained."""
+"""Maximum number of causes with which an outsider counts as recognised; it never does if it is
+explained.
+"""
 
 
 class Number(msgspec.Struct, frozen=True):
-    """A number of a cause as it was diagnosed; `at_limit` marks a one-sided interval, whose open end may be missing."""
+    """A number of a cause as it was diagnosed; `at_limit` marks a one-sided interval, whose open
+    end may be missing.
+    """
 
     value: float
     low: float | None = None
@@ -41,7 +47,9 @@ class Alternative(msgspec.Struct, frozen=True):
 
 
 class Cause(msgspec.Struct, frozen=True):
-    """A cause that a diagnosis names, of a wrong load with its run; `look_alikes` is None where they are not written."""
+    """A cause that a diagnosis names, of a wrong load with its run; `look_alikes` is None where
+    they are not written.
+    """
 
     effect: str
     probability: float = 1.0
@@ -57,7 +65,9 @@ class Cause(msgspec.Struct, frozen=True):
         return tuple(dict.fromkeys(other.effect for other in others))
 
     def is_certain(self, verdict: Verdict) -> bool:
-        """Whether it is named with certainty; where look-alikes are not written, rivals are taken for them."""
+        """Whether it is named with certainty; where look-alikes are not written, rivals are
+        taken for them.
+        """
         alike = self.rivals if self.look_alikes is None else self.look_alikes
         return verdict != "unexplained" and self.probability >= CERTAIN and not alike
 
@@ -91,7 +101,9 @@ class Account(msgspec.Struct, frozen=True):
 
 
 class Threshold(msgspec.Struct, frozen=True):
-    """The value of its parameter from which an effect alone would be named, None where no plausible one would be."""
+    """The value of its parameter from which an effect alone would be named, None where no
+    plausible one would be.
+    """
 
     effect: str
     named_from: float | None = None
@@ -114,7 +126,9 @@ class Diagnosis(msgspec.Struct, frozen=True):
 
 
 class ParameterScore(msgspec.Struct, frozen=True):
-    """A true parameter beside the diagnosed one, see `Number`; no value where the diagnosis does not report it."""
+    """A true parameter beside the diagnosed one, see `Number`; no value where the diagnosis does
+    not report it.
+    """
 
     effect: str
     parameter: str
@@ -148,8 +162,8 @@ class CaseScore(msgspec.Struct, frozen=True):
     ----------
     hidden : strength of each injected effect [1]
     what, answer : what is injected, and the honest answer, in words
-    honest : nothing is claimed with certainty that is not so, and the verdict is one that the truth allows; None where the
-        truth is stated in words alone
+    honest : nothing is claimed with certainty that is not so, and the verdict is one that the truth
+        allows; None where the truth is stated in words alone
     named : the truth is named; None where it is beyond the catalogue
     strict : the causes are the injected effects, without alternatives
     certain, false : effects that are named with certainty, and those of them that are not true
@@ -176,35 +190,55 @@ class CaseScore(msgspec.Struct, frozen=True):
 
     @property
     def went_well(self) -> bool:
-        """Whether the outcome is the best that this kind of case can have, and the answer is honest."""
-        return self.outcome in ("named", "quiet", "recognised", "unjudged") and self.honest is not False
+        """Whether the outcome is the best that this kind of case can have, and the answer is
+        honest.
+        """
+        return (
+            self.outcome in ("named", "quiet", "recognised", "unjudged")
+            and self.honest is not False
+        )
 
     @property
     def hidden_name(self) -> str:
         """Name of what is injected."""
-        return self.outsider or " + ".join(self.hidden) or (NOTHING if self.kind == "none" else self.what)
+        return (
+            self.outsider
+            or " + ".join(self.hidden)
+            or (NOTHING if self.kind == "none" else self.what)
+        )
 
     @property
     def taken_as(self) -> str:
-        """What the diagnosis named: the injected effects where they were named, else what it reports instead."""
+        """What the diagnosis named: the injected effects where they were named, else what it
+        reports instead.
+        """
         if self.outcome == "named":
             return self.hidden_name
         if self.verdict == "no_gap":
             return "no gap"
-        return "unexplained" if self.verdict == "unexplained" or not self.causes else " + ".join(self.causes)
+        return (
+            "unexplained"
+            if self.verdict == "unexplained" or not self.causes
+            else " + ".join(self.causes)
+        )
 
     @property
     def text(self) -> str:
         """Verdict and causes in one line; `!` marks a cause that is certain."""
         pairs = zip(self.causes, self.rivals, strict=True)
         causes = [
-            f"{cause}{'!' * (cause in self.certain)}" + (f" (or {', '.join(others)})" if others else "")
+            f"{cause}{'!' * (cause in self.certain)}"
+            + (f" (or {', '.join(others)})" if others else "")
             for cause, others in pairs
         ]
-        return ": ".join(filter(None, [(self.verdict or "not diagnosed").replace("_", " "), " + ".join(causes)]))
+        return ": ".join(
+            filter(None, [(self.verdict or "not diagnosed").replace("_", " "), " + ".join(causes)])
+        )
 
 
-def judge(name: str, truth: Truth, found: Diagnosis | None, outsider: str | None = None) -> CaseScore:
+def judge(
+    name: str, truth: Truth, found: Diagnosis | None, outsider: str | None = None
+) -> CaseScore:
     """Judge the diagnosis of a case, None where there is none."""
     case = CaseScore(name, truth.kind, truth.effects, outsider, truth.what, truth.honest)
     if found is None:
@@ -223,7 +257,9 @@ def judge(name: str, truth: Truth, found: Diagnosis | None, outsider: str | None
     if truth.kind == UNJUDGED:
         return case
     excused = found.verdict in truth.excused_by
-    false = () if excused else tuple(effect for effect in certain if effect not in truth.may_be_certain)
+    false = (
+        () if excused else tuple(effect for effect in certain if effect not in truth.may_be_certain)
+    )
     named = found.claims and _names(found.causes, truth) if truth.named else None
     return msgspec.structs.replace(
         case,
@@ -236,15 +272,20 @@ def judge(name: str, truth: Truth, found: Diagnosis | None, outsider: str | None
 
 
 def _parameters(truth: Truth, found: Diagnosis) -> Iterator[ParameterScore]:
-    """True parameters of the injected effects that are named as causes, beside the diagnosed ones."""
+    """True parameters of the injected effects that are named as causes, beside the diagnosed
+    ones.
+    """
     for cause in found.causes if found.claims else ():
         for name, value in truth.parameters.get(cause.effect, {}).items():
-            number = msgspec.structs.asdict(cause.parameters[name]) if name in cause.parameters else {}
+            number = (
+                msgspec.structs.asdict(cause.parameters[name]) if name in cause.parameters else {}
+            )
             yield ParameterScore(cause.effect, name, value, **number)
 
 
 def _names(causes: Sequence[Cause], truth: Truth) -> bool:
-    """Whether for each group of effects another cause has all of them among its name and alternatives.
+    """Whether for each group of effects another cause has all of them among its name and
+    alternatives.
 
     Causes that are true as well, and are not part of an answer, do not count.
     """
@@ -268,8 +309,9 @@ def _names(causes: Sequence[Cause], truth: Truth) -> bool:
 def _outcome(truth: Truth, found: Diagnosis, *, named: bool | None) -> Outcome:
     """Outcome of a case.
 
-    Nothing injected: quiet or a false alarm. Beyond the catalogue: recognised if the gap is unexplained, or partly explained by
-    few causes; silent, or mistaken. Else named; silent if no gap was found, abstained if it is unexplained, else misnamed.
+    Nothing injected: quiet or a false alarm. Beyond the catalogue: recognised if the gap is
+    unexplained, or partly explained by few causes; silent, or mistaken. Else named; silent if no
+    gap was found, abstained if it is unexplained, else misnamed.
     """
     if truth.verdicts == ("no_gap",):
         return "quiet" if found.verdict == "no_gap" else "false_alarm"

@@ -1,8 +1,10 @@
-"""Rigs of all sizes: a rig is drawn as units of nature times dimensionless numbers about those of the paper's rig.
+"""Rigs of all sizes: a rig is drawn as units of nature times dimensionless numbers about those of
+the paper's rig.
 
-In its own units a rig has the drum, the gear, the back-EMF and the speeds of the paper's rig. What is drawn are ratios: of
-reactance and resistance to the load, inertias, losses, the gas, the capacitor, the ramps. The twin simulates the rig in these
-units, on a grid that is thereby a share of its time, and `Units` turn logs, rig file and truth into SI units.
+In its own units a rig has the drum, the gear, the back-EMF and the speeds of the paper's rig. What
+is drawn are ratios: of reactance and resistance to the load, inertias, losses, the gas, the
+capacitor, the ramps. The twin simulates the rig in these units, on a grid that is thereby a share
+of its time, and `Units` turn logs, rig file and truth into SI units.
 """
 
 from __future__ import annotations
@@ -29,12 +31,14 @@ PAPER_NUMBERS, PAPER_FIXED = Numbers(), Fixed()
 
 
 class Machine(msgspec.Struct, frozen=True):
-    """A rig with its crane and its logger, as its rig file states it; all but `units` in the units of the rig.
+    """A rig with its crane and its logger, as its rig file states it; all but `units` in the units
+    of the rig.
 
     Parameters
     ----------
     loads : by log [ohm]
-    strengths : size of an injected effect over that on the paper's rig, with which it acts as strongly, by effect, else 1 [1]
+    strengths : size of an injected effect over that on the paper's rig, with which it acts as
+        strongly, by effect, else 1 [1]
     """
 
     units: Units = PAPER_UNITS
@@ -57,8 +61,10 @@ class Machine(msgspec.Struct, frozen=True):
         f = self.units.factor
         power = RATED_POWER * f("torque") / f("time") / 1e3
         return (
-            f"{self.restoring.kind}, drum {self.fixed.r_drum * f('length'):.3g} m, {power:.3g} kW, gear "
-            f"{self.fixed.gear * self.units.gear:.3g}, stroke {STROKE * self.crane.stroke * f('length'):.3g} m"
+            f"{self.restoring.kind}, drum {self.fixed.r_drum * f('length'):.3g} m, {power:.3g} "
+            f"kW, gear "
+            f"{self.fixed.gear * self.units.gear:.3g}, stroke "
+            f"{STROKE * self.crane.stroke * f('length'):.3g} m"
         )
 
     @property
@@ -77,27 +83,41 @@ PAPER = Machine()
 """The rig of the paper."""
 
 RATED_POWER = 1.1e3
-"""Of the machine of the paper: sqrt(3) times 124 V at 2000 rpm and 5.16 A (Secs. 4.3 and 5.1). [W]"""
+"""Of the machine of the paper: sqrt(3) times 124 V at 2000 rpm and 5.16 A (Secs. 4.3 and 5.1).
+[W]
+"""
 
 STROKE, RAMP = 9.59, 4.55
 """Of the crane of the paper: length of a payout [m], and the time in which it speeds up [s]."""
 
 OF_GAS = frozenset(
-    ("gas_polytropic", "gas_volume", "precharge", "piston_area", "seal_friction", "screw_friction", "pressure_gain")
+    (
+        "gas_polytropic",
+        "gas_volume",
+        "precharge",
+        "piston_area",
+        "seal_friction",
+        "screw_friction",
+        "pressure_gain",
+    )
 )
 OF_GEAR = frozenset(("gear_mesh_loss",))
 """Effects that only a rig with gas or with a gear has."""
 
-# ---------------------------------------------------------------------------------------------------------------- drawing
+# ---------------------------------------------------------------------------------------- drawing
 SPREAD, TWICE = 0.5 * math.log(2.0), 2.0
-"""Scatter of the dimensionless numbers about those of the paper: deviation of the logarithm, and the largest factor. [1]"""
+"""Scatter of the dimensionless numbers about those of the paper: deviation of the logarithm, and
+the largest factor. [1]
+"""
 
 POWER, DRUM, GEAR, STROKES = (3.0, 200e3), (0.03, 1.0), (2.0, 100.0), (0.5, 100.0)
-"""Rated power [W], radius of the drum [m], gear ratio [1] and length of a payout [m] of a drawn rig."""
+"""Rated power [W], radius of the drum [m], gear ratio [1] and length of a payout [m] of a drawn
+rig.
+"""
 
 STROKE_SPREAD, STROKE_SHARES, RAMP_MIN = 0.5, (0.25, 2.0), 0.35
-"""Turns of the drum in a stroke over those of the paper's: scatter of the logarithm, and ends; shortest ramp over that of the
-paper, which the clutch and the DC link still follow. [1]"""
+"""Turns of the drum in a stroke over those of the paper's: scatter of the logarithm, and ends;
+shortest ramp over that of the paper, which the clutch and the DC link still follow. [1]"""
 
 TIME, VOLT = (0.3, 4.0), (0.25, 6.0)
 """Time and voltage of a drawn rig over the paper's. [1]"""
@@ -109,14 +129,19 @@ PAIRS = range(1, 21)
 """Numbers of pole pairs."""
 
 TURNS = (20.0, 200.0)
-"""Electrical turns for each turn of the drum, 100 on the paper's: between a direct drive and a fast machine. [1]"""
+"""Electrical turns for each turn of the drum, 100 on the paper's: between a direct drive and a
+fast machine. [1]
+"""
 
 EVEN = 0.5
-"""Smallest inertia of the rotor over the paper's and over the time of an electrical turn: a lighter rotor of few poles does not
-turn evenly between two pulses of the bridge, which no averaged bridge follows. The capacitor grows likewise. [1]"""
+"""Smallest inertia of the rotor over the paper's and over the time of an electrical turn: a lighter
+rotor of few poles does not turn evenly between two pulses of the bridge, which no averaged bridge
+follows. The capacitor grows likewise. [1]"""
 
 SILICON, SCHOTTKY, LOW_VOLTAGE = 0.7, 0.35, 0.5
-"""Drop of a diode [V]: nature sets it. A machine below a share of the paper's voltage has Schottky diodes. [1]"""
+"""Drop of a diode [V]: nature sets it. A machine below a share of the paper's voltage has
+Schottky diodes. [1]
+"""
 
 RATES, SAMPLES = (5.0, 10.0, 25.0, 50.0, 100.0, 200.0), (60.0, 500.0)
 """Sampling rates [Hz], and samples of a log while a payout speeds up, 114 in the paper's. [1]"""
@@ -133,7 +158,9 @@ def _between(rng: np.random.Generator, low: float, high: float) -> float:
 
 
 def _draw_units(rng: np.random.Generator) -> Units:
-    """Draw power, and drum, time and voltage that suit it; a larger drum is slower, as gravity has it (Froude)."""
+    """Draw power, and drum, time and voltage that suit it; a larger drum is slower, as gravity
+    has it (Froude).
+    """
     power = _between(rng, *POWER) / RATED_POWER
     radius = PAPER_FIXED.r_drum * power**0.3 * math.exp(0.4 * rng.standard_normal())
     length = float(np.clip(radius, *DRUM)) / PAPER_FIXED.r_drum
@@ -178,7 +205,10 @@ def draw_machine(rng: np.random.Generator, kind: str = "gas_screw") -> Machine:
     )
     fixed = fixed._replace(j_rotor=fixed.j_rotor * rotor)
     ohm = units.factor("ohm")
-    loads = {log: _rounded(load * spread(rng, 0.9, 1.1) * usual * ohm) / ohm for log, usual in LOADS.items()}
+    loads = {
+        log: _rounded(load * spread(rng, 0.9, 1.1) * usual * ohm) / ohm
+        for log, usual in LOADS.items()
+    }
     strengths = {
         "copper_heating": min(load / resistance, 1.1),
         "sync_inductance": min(max(load / reactance, 0.5), 1.3),
@@ -198,7 +228,9 @@ def draw_machine(rng: np.random.Generator, kind: str = "gas_screw") -> Machine:
 
 
 def _draw_fixed(units: Units, rng: np.random.Generator) -> Fixed:
-    """Draw the numbers that a rig file states as exact; pole pairs are a number that a machine of this gear may have."""
+    """Draw the numbers that a rig file states as exact; pole pairs are a number that a machine
+    of this gear may have.
+    """
     gear = units.gear * PAPER_FIXED.gear
     low, high = TURNS
     pairs = [count for count in PAIRS if low * 0.99 <= count * gear <= high * 1.01]
@@ -214,18 +246,24 @@ def _draw_fixed(units: Units, rng: np.random.Generator) -> Fixed:
 
 
 def _draw_restoring(kind: str, units: Units, stroke: float, rng: np.random.Generator) -> Restoring:
-    """Draw a spring or a counterweight that pulls about as the gas of the paper does: 250 N, and a third more at the end."""
+    """Draw a spring or a counterweight that pulls about as the gas of the paper does: 250 N, and
+    a third more at the end.
+    """
     held, rise, rubs = 250.0 * spread(rng), spread(rng) / 3.0, 0.1 * spread(rng)
     gravity = Restoring().gravity * units.time**2 / units.length
     if kind == "spring":
-        return Restoring(kind, held, held * rise / (STROKE * stroke), friction=rubs * held, gravity=gravity)
+        return Restoring(
+            kind, held, held * rise / (STROKE * stroke), friction=rubs * held, gravity=gravity
+        )
     if kind == "counterweight":
         return Restoring(kind, weight=held, friction=rubs * held, gravity=gravity)
     return Restoring(kind, gravity=gravity)
 
 
 def _draw_logger(units: Units, crane: Crane, rng: np.random.Generator) -> Logger:
-    """Draw a sampling rate that resolves the ramps and the smoothing of the velocity, which no longer ramp makes longer."""
+    """Draw a sampling rate that resolves the ramps and the smoothing of the velocity, which no
+    longer ramp makes longer.
+    """
     ramp = RAMP * min(crane.ramp, 1.0) * units.time
     least, most = SAMPLES
     rates = [rate for rate in RATES if least <= rate * ramp <= most] or [RATES[-1]]

@@ -1,4 +1,6 @@
-"""The rig file of a rig of any size, with the entries that the file of the paper has, and its logs in SI units."""
+"""The rig file of a rig of any size, with the entries that the file of the paper has, and its
+logs in SI units.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ LOG_FACTORS = {
 """Factor of `Units` of each channel of a log."""
 
 DIGITS = 9
-"""Significant digits of a rescaled reading: more than any sensor resolves, so that steps stay steps."""
+"""Significant digits of a rescaled reading: more than any sensor resolves, so that steps stay
+steps.
+"""
 
 
 def in_si_units(machine: Machine, columns: Mapping[str, Signal]) -> dict[str, Signal]:
@@ -35,8 +39,8 @@ def in_si_units(machine: Machine, columns: Mapping[str, Signal]) -> dict[str, Si
 
 
 class Stated(NamedTuple):
-    """An entry of a rig file: value and standard uncertainty (0 for one that is exact) in the units of the rig, factor of
-    `Units`, and the unit of the file.
+    """An entry of a rig file: value and standard uncertainty (0 for one that is exact) in the units
+    of the rig, factor of `Units`, and the unit of the file.
     """
 
     value: float
@@ -61,7 +65,10 @@ def _numbers(machine: Machine) -> dict[str, dict[str, Stated]]:
         drivetrain["gear_ratio"] = Stated(1.0, "one", "1")
         del drivetrain["eta_mesh"]
     return {
-        "winch": {"r_drum": Stated(fixed.r_drum, "length", "m"), "inertia": Stated(fixed.j_drum, "inertia", "kg.m2")},
+        "winch": {
+            "r_drum": Stated(fixed.r_drum, "length", "m"),
+            "inertia": Stated(fixed.j_drum, "inertia", "kg.m2"),
+        },
         "restoring": _gas(machine, u) if machine.restoring.has_gas else _pull(machine.restoring),
         "drivetrain": drivetrain,
         "generator": {
@@ -95,12 +102,18 @@ def _gas(machine: Machine, u: Numbers) -> dict[str, Stated]:
 
 
 def _pull(restoring: Restoring) -> dict[str, Stated]:
-    """Numbers of a spring or a counterweight; a mass is stated by the weight that a kilogram-force is."""
-    friction = Stated(restoring.friction, "force", "N", RESTORING_SHARES["friction"] * restoring.friction)
+    """Numbers of a spring or a counterweight; a mass is stated by the weight that a
+    kilogram-force is.
+    """
+    friction = Stated(
+        restoring.friction, "force", "N", RESTORING_SHARES["friction"] * restoring.friction
+    )
     if restoring.kind == "spring":
         stiffness = RESTORING_SHARES["stiffness"] * restoring.stiffness
         return {
-            "force": Stated(restoring.force, "force", "N", RESTORING_SHARES["force"] * restoring.force),
+            "force": Stated(
+                restoring.force, "force", "N", RESTORING_SHARES["force"] * restoring.force
+            ),
             "stiffness": Stated(restoring.stiffness, "line_stiffness", "N/m", stiffness),
             "friction": friction,
         }
@@ -119,8 +132,8 @@ SENSORS = {
     "vdc": ("V", "volt", {"u_zero": 0.05}),
     "idc": ("A", "ampere", {"u_zero": 0.005}),
 }
-"""Sensors as in the rig file of the paper: unit, factor of `Units`, and numbers; ranges of force and torque are twice as wide,
-as the loads of a drawn rig scatter."""
+"""Sensors as in the rig file of the paper: unit, factor of `Units`, and numbers; ranges of force
+and torque are twice as wide, as the loads of a drawn rig scatter."""
 
 U_GAIN = 0.001
 """Standard uncertainty of the gain of each sensor but those of the motion. [1]"""
@@ -144,7 +157,11 @@ def machine_toml(machine: Machine, name: str, entries: Mapping[str, float] | Non
     entries : stated over right value of wrong entries, by key [1]
     """
     wrong, factor = entries or {}, machine.units.factor
-    lines = [f'name = "{name}"', f'title = "Drawn rig: {machine.text}"', 'source = "drawn, not built"']
+    lines = [
+        f'name = "{name}"',
+        f'title = "Drawn rig: {machine.text}"',
+        'source = "drawn, not built"',
+    ]
     for section, numbers in _numbers(machine).items():
         lines += ["", f"[{section}]"]
         if section == "restoring":
@@ -153,18 +170,24 @@ def machine_toml(machine: Machine, name: str, entries: Mapping[str, float] | Non
             by = factor(one.factor) * wrong.get(key, 1.0)
             u = f", u = {one.u * by:.4g}" if one.u else ""
             lines.append(f'{key} = {{ value = {one.value * by:.9g}, unit = "{one.unit}"{u} }}')
-        lines += {"drivetrain": ["one_way_clutch = true"], "dc_link": ["load_u_percent = 0.1"]}.get(section, [])
+        lines += {"drivetrain": ["one_way_clutch = true"], "dc_link": ["load_u_percent = 0.1"]}.get(
+            section, []
+        )
     for channel, (unit, quantity, numbers_of_sensor) in SENSORS.items():
         if channel == "pressure" and not machine.restoring.has_gas:
             continue
         lines += ["", f"[sensors.{channel}]", f'unit = "{unit}"']
-        lines += [f"{key} = {value * factor(quantity):.6g}" for key, value in numbers_of_sensor.items()]
+        lines += [
+            f"{key} = {value * factor(quantity):.6g}" for key, value in numbers_of_sensor.items()
+        ]
         lines += [f"u_gain = {U_GAIN}"] if "u_zero" in numbers_of_sensor else []
     ramps = min(machine.crane.ramp, 1.0)
     strokes = min(machine.crane.stroke, 1.0)
     lines += ["", "[thresholds]"]
     for key, (value, quantity, unit) in THRESHOLDS.items():
         share = {"time": ramps, "length": strokes}.get(quantity, 1.0)
-        lines.append(f'{key} = {{ value = {value * share * factor(quantity):.6g}, unit = "{unit}" }}')
+        lines.append(
+            f'{key} = {{ value = {value * share * factor(quantity):.6g}, unit = "{unit}" }}'
+        )
     lines.append(f"rpm_bin = {max(RPM_BIN * factor('omega_rotor'), RPM_BIN_MIN):.6g}")
     return "\n".join(lines) + "\n"

@@ -1,4 +1,6 @@
-"""The score of a trial: each diagnosis beside the truth, and counts, coverage and confusions over all cases."""
+"""The score of a trial: each diagnosis beside the truth, and counts, coverage and confusions
+over all cases.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ HIDDEN = ("single", "pair", "several")
 
 
 class Count(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Number of cases of a number, with the 95 % interval of the share (Wilson 1927), and of cases of one strength that."""
+    """Number of cases of a number, with the 95 % interval of the share (Wilson 1927), and of
+    cases of one strength that.
+    """
 
     part: int
     of: int
@@ -68,13 +72,15 @@ FURTHER = {
 
 
 class Score(msgspec.Struct, frozen=True):
-    """A whole trial, scored, as its JSON; without a seal, its answers are those of a truth.json for each case.
+    """A whole trial, scored, as its JSON; without a seal, its answers are those of a truth.json for
+    each case.
 
     Parameters
     ----------
     totals : counts by the names of `OUTCOMES` and `FURTHER`
     strengths : single effects that were named, by strength
-    taken_for : by what was injected, how often the diagnosis named what: one effect or several, no gap, or no cause
+    taken_for : by what was injected, how often the diagnosis named what: one effect or several, no
+        gap, or no cause
     """
 
     cases: tuple[CaseScore, ...]
@@ -92,7 +98,9 @@ class Score(msgspec.Struct, frozen=True):
         return tuple(case for case in self.cases if case.outcome != "missing")
 
 
-def score_of(cases: tuple[CaseScore, ...], sealed_sha256: str | None = None, seed: int | None = None) -> Score:
+def score_of(
+    cases: tuple[CaseScore, ...], sealed_sha256: str | None = None, seed: int | None = None
+) -> Score:
     """Count judged cases; those without a diagnosis count as missing alone."""
     diagnosed = [case for case in cases if case.outcome != "missing"]
     judged = [case for case in diagnosed if case.honest is not None]
@@ -113,7 +121,14 @@ def score_of(cases: tuple[CaseScore, ...], sealed_sha256: str | None = None, see
         for strength in case.hidden.values() if case.kind == "single" else ():
             named.setdefault(strength, []).append(case.outcome == "named")
     strengths = tuple(count(flags, strength) for strength, flags in sorted(named.items()))
-    return Score(cases, totals, strengths, {name: dict(row) for name, row in taken.items()}, sealed_sha256, seed)
+    return Score(
+        cases,
+        totals,
+        strengths,
+        {name: dict(row) for name, row in taken.items()},
+        sealed_sha256,
+        seed,
+    )
 
 
 def score(folder: Path, diagnoses: Path | None = None) -> Score:
@@ -125,7 +140,8 @@ def score(folder: Path, diagnoses: Path | None = None) -> Score:
 
     Raises
     ------
-    OptionError : the folder is no trial, the answers were changed, nothing was diagnosed, or a diagnosis cannot be read
+    OptionError : the folder is no trial, the answers were changed, nothing was diagnosed, or a
+        diagnosis cannot be read
     """
     about: tuple[str | None, int | None] = (None, None)
     if (folder / TRIAL).exists():
@@ -133,7 +149,9 @@ def score(folder: Path, diagnoses: Path | None = None) -> Score:
         truths = {answer.case: (answer.truth, answer.outsider) for answer in sealed.answers}
         about = (trial.sealed_sha256, sealed.seed)
     else:
-        truths = {name: (read_truth(folder / name / TRUTH_FILE), None) for name in case_names(folder)}
+        truths = {
+            name: (read_truth(folder / name / TRUTH_FILE), None) for name in case_names(folder)
+        }
     place = inside(folder, DIAGNOSES) if diagnoses is None else diagnoses
     cases = tuple(
         judge(name, truth, read_diagnosis(inside(place, f"{name}.json")), outsider)
@@ -145,12 +163,15 @@ def score(folder: Path, diagnoses: Path | None = None) -> Score:
 
 
 def read_diagnosis(path: Path) -> Diagnosis | None:
-    """Read the diagnosis of a case, None where there is none; OptionError if it cannot be read, or was altered since."""
+    """Read the diagnosis of a case, None where there is none; OptionError if it cannot be read,
+    or was altered since.
+    """
     if not path.exists():
         return None
     found = decoded(path, Diagnosis, "a diagnosis; diagnose the case again")
     if digest_in(path.read_bytes()) == "altered":
         raise OptionError(
-            f"{path}: was altered after it was made: its content does not match the digest. Run blind diagnose again."
+            f"{path}: was altered after it was made: its content does not match the digest. Run "
+            f"blind diagnose again."
         )
     return found

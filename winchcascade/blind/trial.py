@@ -1,7 +1,9 @@
-"""A trial in a folder: cases are dealt with sealed answers, or come with a truth.json each; they are diagnosed from their logs.
+"""A trial in a folder: cases are dealt with sealed answers, or come with a truth.json each; they
+are diagnosed from their logs.
 
-The sealed answers are one file beside the cases; the record of the trial holds its digest. A diagnosis needs neither. A score
-opens the answers and rejects them if they were changed after the cases were generated.
+The sealed answers are one file beside the cases; the record of the trial holds its digest. A
+diagnosis needs neither. A score opens the answers and rejects them if they were changed after the
+cases were generated.
 """
 
 from __future__ import annotations
@@ -37,7 +39,9 @@ from winchcascade.core.store import (  # fmt: skip
 from winchcascade.core.version import __version__
 
 SEALED, TRIAL, DIAGNOSES = "sealed.json", "trial.json", "diagnoses"
-"""Files of a trial: the answers, the record without them, and the folder with the JSON of each diagnosis."""
+"""Files of a trial: the answers, the record without them, and the folder with the JSON of each
+diagnosis.
+"""
 
 SEALED_SCHEMA, TRIAL_SCHEMA = "winchcascade/sealed/1", "winchcascade/trial/1"
 
@@ -48,8 +52,9 @@ NAME = re.compile(r"case-(?!0000)(?:[0-9]{4}|[1-9][0-9]{4,8})")
 class Answer(msgspec.Struct, frozen=True):
     """The sealed answer of one case.
 
-    `parameters` are the true values that a diagnosis reports, by effect; `rig`, `loads` and `gains` the numbers of the campaign
-    in SI units [loads in ohm], `laws` the numbers of the laws of the injected effects.
+    `parameters` are the true values that a diagnosis reports, by effect; `rig`, `loads` and `gains`
+    the numbers of the campaign in SI units [loads in ohm], `laws` the numbers of the laws of the
+    injected effects.
     """
 
     case: str
@@ -98,8 +103,9 @@ class Trial(msgspec.Struct, frozen=True):
 
 
 class TrialProgress(msgspec.Struct, frozen=True):
-    """Result of a call: the cases of the trial, how many were done already, the fault of each that failed, the digest of the
-    answers, and the cases whose diagnosis did not match its digest and was made again.
+    """Result of a call: the cases of the trial, how many were done already, the fault of each that
+    failed, the digest of the answers, and the cases whose diagnosis did not match its digest and
+    was made again.
     """
 
     cases: tuple[str, ...]
@@ -115,46 +121,65 @@ class TrialProgress(msgspec.Struct, frozen=True):
 
 
 def seal(sealed: SealedAnswers) -> tuple[bytes, Trial]:
-    """Put answers into the bytes of a sealed file, and make the record of the trial with their digest."""
+    """Put answers into the bytes of a sealed file, and make the record of the trial with their
+    digest.
+    """
     content = json_bytes(sealed)
     return content, Trial(tuple(a.case for a in sealed.answers), digest_of(content))
 
 
 def read_trial(folder: Path) -> Trial:
-    """Read the record of a trial; OptionError if the folder is none, or names cases that are no names of folders."""
+    """Read the record of a trial; OptionError if the folder is none, or names cases that are no
+    names of folders.
+    """
     path = inside(folder, TRIAL)
     trial = decoded(
-        path, Trial, "the folder of a trial, as blind deal makes it, or of campaigns with a truth.json each"
+        path,
+        Trial,
+        "the folder of a trial, as blind deal makes it, or of campaigns with a truth.json each",
     )
     if trial.schema != TRIAL_SCHEMA:
         raise OptionError(f"{path}: has the schema {trial.schema}; expected {TRIAL_SCHEMA}.")
-    for number, name in enumerate(trial.cases, 1):  # they are also the names of folders, which are replaced
+    for number, name in enumerate(
+        trial.cases, 1
+    ):  # they are also the names of folders, which are replaced
         if NAME.fullmatch(name) is None or name in trial.cases[: number - 1]:
             raise OptionError(
-                f"{path}: case {number} is named {name!r}; expected names such as case-0001, each once. The file was changed "
+                f"{path}: case {number} is named {name!r}; expected names such as case-0001, each "
+                f"once. The file was changed "
                 "by hand; deal the trial again."
             )
     return trial
 
 
 def open_seal(folder: Path) -> tuple[Trial, SealedAnswers]:
-    """Open the answers of a trial; OptionError if the folder is none, the answers are missing, or they were changed."""
+    """Open the answers of a trial; OptionError if the folder is none, the answers are missing,
+    or they were changed.
+    """
     trial, path = read_trial(folder), inside(folder, SEALED)
     sealed = decoded(path, SealedAnswers, "the answers of a trial, without which none is scored")
     found = digest_of(path.read_bytes())
-    if found != trial.sealed_sha256 or tuple(answer.case for answer in sealed.answers) != trial.cases:
+    if (
+        found != trial.sealed_sha256
+        or tuple(answer.case for answer in sealed.answers) != trial.cases
+    ):
         raise OptionError(
-            f"{path}: the answers were changed after the cases were dealt: their SHA-256 is {found}, {TRIAL} has "
+            f"{path}: the answers were changed after the cases were dealt: their SHA-256 is "
+            f"{found}, {TRIAL} has "
             f"{trial.sealed_sha256}; put the dealt file back, or deal again."
         )
     return trial, sealed
 
 
 def case_names(folder: Path) -> tuple[str, ...]:
-    """Names of the cases of a trial: those of its record or, without one, of the folders with a campaign and its truth.
-    OptionError if the folder is no trial, or a case of it is missing.
+    """Names of the cases of a trial: those of its record or, without one, of the folders with a
+    campaign and its truth. OptionError if the folder is no trial, or a case of it is missing.
     """
-    own = sorted(path.parent for path in folder.glob(f"*/{TRUTH_FILE}") if (path.parent / CAMPAIGN_FILE).is_file())
+    own = sorted(
+        path.parent
+        for path in folder.glob(f"*/{TRUTH_FILE}")
+        if (path.parent / CAMPAIGN_FILE).is_file()
+    )
     if own and not (folder / TRIAL).exists():
         return tuple(case.name for case in own)
     names = read_trial(folder).cases
@@ -176,14 +201,18 @@ def deal(
     force: bool = False,
     watch: Watch | None = None,
 ) -> TrialProgress:
-    """Generate a trial in a folder: the sealed answers first, then each case, its folder whole or not at all.
+    """Generate a trial in a folder: the sealed answers first, then each case, its folder whole or
+    not at all.
 
-    Called again with the same numbers it generates the missing cases; the same numbers give the same bytes. `force` replaces
-    another trial, and uses a folder that holds something else too. OptionError if the numbers make no trial, the folder holds
-    another one, or its answers were changed; OutputError if it cannot be used.
+    Called again with the same numbers it generates the missing cases; the same numbers give the
+    same bytes. `force` replaces another trial, and uses a folder that holds something else too.
+    OptionError if the numbers make no trial, the folder holds another one, or its answers were
+    changed; OutputError if it cannot be used.
     """
     if cases < 1 or seed < 0:
-        raise OptionError(f"--cases {cases} --seed {seed}: expected at least one case and a seed of 0 or more.")
+        raise OptionError(
+            f"--cases {cases} --seed {seed}: expected at least one case and a seed of 0 or more."
+        )
     plan = plan_cases(cases, seed)
     content, trial = seal(SealedAnswers(seed, tuple(answer_of(case) for case in plan)))
     workers, watch = workers or Workers(), watch or Nobody()
@@ -206,13 +235,20 @@ def _lay_out(out: Path, content: bytes, trial: Trial, *, force: bool) -> None:
             return
         if not force:
             raise OptionError(
-                f"{out}: holds another trial (other cases, seed or version); give --out a new folder or add --force."
+                f"{out}: holds another trial (other cases, seed or version); give --out a new "
+                f"folder or add --force."
             )
-        folders = [folder for name in (*earlier.cases, DIAGNOSES) if files_within(folder := inside(out, name))]
+        folders = [
+            folder
+            for name in (*earlier.cases, DIAGNOSES)
+            if files_within(folder := inside(out, name))
+        ]
         (out / TRIAL).unlink()  # first, so that no half of a trial passes for one
         for folder in folders:
             shutil.rmtree(folder)
-    elif not force and set(foreign(out)) - {SEALED}:  # answers without a record are of a call that was cut short
+    elif not force and set(foreign(out)) - {
+        SEALED
+    }:  # answers without a record are of a call that was cut short
         raise not_empty(out, "a trial")
     write_content(inside(out, SEALED), content, force=force)
     write_content(inside(out, TRIAL), json_bytes(trial), force=force)
@@ -227,7 +263,9 @@ def write_whole_campaign(case: Case, folder: str) -> None:
 
 
 Diagnose = Callable[[Path], Mapping[str, object]]
-"""A function of a module that diagnoses a campaign: its campaign.toml in, the JSON out as nested records."""
+"""A function of a module that diagnoses a campaign: its campaign.toml in, the JSON out as nested
+records.
+"""
 
 
 def diagnose(
@@ -242,8 +280,9 @@ def diagnose(
 ) -> TrialProgress:
     """Diagnose every case of a trial from its logs alone; the answers stay sealed.
 
-    A dealt case is diagnosed in a folder elsewhere that holds only its campaign, one with a truth.json where it is. A diagnosis
-    of the same logs by the same version is kept, unless `force` is set.
+    A dealt case is diagnosed in a folder elsewhere that holds only its campaign, one with a
+    truth.json where it is. A diagnosis of the same logs by the same version is kept, unless `force`
+    is set.
 
     Parameters
     ----------
@@ -252,7 +291,8 @@ def diagnose(
 
     Raises
     ------
-    OptionError : the folder is no trial, a case of it is missing, or the scheduler cannot be reached
+    OptionError : the folder is no trial, a case of it is missing, or the scheduler cannot be
+        reached
     OutputError : the folder cannot be locked, or holds a link
     """
     workers, watch = workers or Workers(), watch or Nobody()
@@ -264,7 +304,9 @@ def diagnose(
         earlier = {name: kept(inside(out, f"{name}.json"), "trial") for name in names}
         redone = tuple(name for name, found in earlier.items() if found == "altered")
         todo = [
-            name for name, found in earlier.items() if force or not isinstance(found, Kept) or found.key != keys[name]
+            name
+            for name, found in earlier.items()
+            if force or not isinstance(found, Kept) or found.key != keys[name]
         ]
         for name in todo:
             check_replaceable(out / f"{name}.json", force=False)
@@ -277,7 +319,11 @@ def diagnose(
 
 def _key(case: Path) -> str:
     """Digest of everything that a diagnosis depends on."""
-    digests = {name: digest_of(path.read_bytes()) for name, path in files_within(case).items() if name != TRUTH_FILE}
+    digests = {
+        name: digest_of(path.read_bytes())
+        for name, path in files_within(case).items()
+        if name != TRUTH_FILE
+    }
     return digest_of(repr((__version__, digests)).encode())
 
 
@@ -286,6 +332,11 @@ def _diagnose_case(order: tuple[str, str], method: Diagnose, folder: str, out: s
     name, key = order
     case = Path(folder) / name
     with scratch_folder() as scratch:
-        alone = case if (case / TRUTH_FILE).exists() else Path(shutil.copytree(case, scratch / name))
+        alone = (
+            case if (case / TRUTH_FILE).exists() else Path(shutil.copytree(case, scratch / name))
+        )
         found = method(alone / CAMPAIGN_FILE)
-    write_content(Path(out) / f"{name}.json", with_digest(found, "trial", {"case": name, "key": key}, indent=1))
+    write_content(
+        Path(out) / f"{name}.json",
+        with_digest(found, "trial", {"case": name, "key": key}, indent=1),
+    )

@@ -1,4 +1,6 @@
-"""What an honest answer to a campaign may be: the truth of a case, and the truth.json that any simulator may put beside one."""
+"""What an honest answer to a campaign may be: the truth of a case, and the truth.json that any
+simulator may put beside one.
+"""
 
 from __future__ import annotations
 
@@ -36,11 +38,13 @@ class Truth(msgspec.Struct, frozen=True):
 
     Parameters
     ----------
-    kind : by which cases are counted: none, single, pair, several, outsider (beyond the catalogue), or `words`
+    kind : by which cases are counted: none, single, pair, several, outsider (beyond the catalogue),
+        or `words`
     what, honest : what is injected, and the honest answer, in words
     effects : strength of each effect of the catalogue [1]
     parameters : true values of the numbers that a diagnosis reports, by effect
-    named : groups of effects; each must be declared by another cause, by its name or its alternatives
+    named : groups of effects; each must be declared by another cause, by its name or its
+        alternatives
     may_be_certain : effects whose certain naming is not false
     alone : no further cause is right but those of `may_be_certain`
     verdicts : verdicts that are honest, all if empty
@@ -62,9 +66,13 @@ class Truth(msgspec.Struct, frozen=True):
 
 
 def truth_by_effects(
-    effects: Mapping[str, float], parameters: Mapping[str, dict[str, float]], *, beside: Sequence[str] = ()
+    effects: Mapping[str, float],
+    parameters: Mapping[str, dict[str, float]],
+    *,
+    beside: Sequence[str] = (),
 ) -> Truth:
-    """The truth where effects of the catalogue, or nothing, explain the whole gap: they are named and nothing else is.
+    """The truth where effects of the catalogue, or nothing, explain the whole gap: they are named
+    and nothing else is.
 
     Parameters
     ----------
@@ -86,14 +94,18 @@ def truth_by_effects(
 
 
 def _kind_of(truth: Truth) -> str:
-    """Kind of a case by which it is counted: nothing injected, one or several causes of the catalogue, or others."""
+    """Kind of a case by which it is counted: nothing injected, one or several causes of the
+    catalogue, or others.
+    """
     if truth.verdicts == ("no_gap",):
         return "none"
     return ("outsider", "single", "pair")[len(truth.named)] if len(truth.named) < 3 else "several"
 
 
 class _Given(msgspec.Struct, frozen=True):
-    """A truth.json as anybody writes it: all is optional; `truth` and `params` are other names of two fields."""
+    """A truth.json as anybody writes it: all is optional; `truth` and `params` are other names
+    of two fields.
+    """
 
     kind: str = ""
     what: str = ""
@@ -111,9 +123,13 @@ class _Given(msgspec.Struct, frozen=True):
 
 
 def read_truth(path: Path) -> Truth:
-    """Read a truth.json. What it leaves out follows from its effects; one that has words alone is of the kind `words`."""
+    """Read a truth.json. What it leaves out follows from its effects; one that has words alone
+    is of the kind `words`.
+    """
     given = decoded(
-        path, _Given, "the truth of a campaign: effects, an object of the strengths of what is injected by name"
+        path,
+        _Given,
+        "the truth of a campaign: effects, an object of the strengths of what is injected by name",
     )
     effects, parameters = _effects_of(given)
     found = _derived(given, effects, parameters)
@@ -123,11 +139,15 @@ def read_truth(path: Path) -> Truth:
         if (value := getattr(given, name)) not in (None, "")
     }
     found = msgspec.structs.replace(found, **{**stated, "alone": given.alone})
-    return msgspec.structs.replace(found, kind=found.kind if found.kind == UNJUDGED else _kind_of(found))
+    return msgspec.structs.replace(
+        found, kind=found.kind if found.kind == UNJUDGED else _kind_of(found)
+    )
 
 
 def _effects_of(given: _Given) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
-    """Strength of each effect that a truth states, 1 without a number, and the true values by effect."""
+    """Strength of each effect that a truth states, 1 without a number, and the true values by
+    effect.
+    """
     parameters = {**given.parameters}
     for name, value in given.params.items():
         effect, _, parameter = name.partition(".")
@@ -140,8 +160,12 @@ def _effects_of(given: _Given) -> tuple[dict[str, float], dict[str, dict[str, fl
     return strengths, parameters | numbers
 
 
-def _derived(given: _Given, effects: dict[str, float], parameters: dict[str, dict[str, float]]) -> Truth:
-    """What a truth says of the honest answer: by its effects, else by its verdicts, else nothing."""
+def _derived(
+    given: _Given, effects: dict[str, float], parameters: dict[str, dict[str, float]]
+) -> Truth:
+    """What a truth says of the honest answer: by its effects, else by its verdicts, else
+    nothing.
+    """
     from winchcascade.rig.effects.catalogue import EFFECTS
 
     if effects and set(effects) <= set(EFFECTS):
@@ -149,7 +173,11 @@ def _derived(given: _Given, effects: dict[str, float], parameters: dict[str, dic
     words = given.honest.split(" or ")
     if set(words) <= set(VERDICTS):
         verdicts = tuple(verdict for verdict in VERDICTS if verdict in words)
-        return truth_by_effects({}, {}) if verdicts == ("no_gap",) else Truth("outsider", verdicts=verdicts)
+        return (
+            truth_by_effects({}, {})
+            if verdicts == ("no_gap",)
+            else Truth("outsider", verdicts=verdicts)
+        )
     if effects or (given.named, given.may_be_certain, given.verdicts) != (None, None, None):
         return Truth("outsider", effects={}, parameters=parameters)
     if given.effects is not None and not (given.kind or given.honest):

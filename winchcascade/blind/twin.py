@@ -1,9 +1,10 @@
-"""An independent twin of the rig: one log of a campaign, from the motion of the crane to the readings of the sensors.
+"""An independent twin of the rig: one log of a campaign, from the motion of the crane to the
+readings of the sensors.
 
-The crane moves the line in payout, hold and haul-in, three times in a log, no two alike. The twin shares no code with the rig
-that a diagnosis fits: the bridge is a switched circuit, the gas of the accumulator obeys the
-first law, and the injected effects have laws of their own. Sensors have gains, zeros, noise, resolution, lag and
-nonlinearity; the tether rings.
+The crane moves the line in payout, hold and haul-in, three times in a log, no two alike. The twin
+shares no code with the rig that a diagnosis fits: the bridge is a switched circuit, the gas of the
+accumulator obeys the first law, and the injected effects have laws of their own. Sensors have
+gains, zeros, noise, resolution, lag and nonlinearity; the tether rings.
 """
 
 from __future__ import annotations
@@ -43,13 +44,19 @@ SPEED = {
     "open_circuit": 1.015, "r45ohm": 1.015, "r36ohm": 1.015, "r27ohm": 0.966, "r18ohm": 0.864, "r9ohm": 0.509,
     "r4p5ohm": 0.305,
 }  # fmt: skip
-"""Plateau of the payout by log, as in logs of the crane, which is slower against a heavy load. [m/s]"""
+"""Plateau of the payout by log, as in logs of the crane, which is slower against a heavy load.
+[m/s]
+"""
 
 GUST, GUST_WIDTH = 0.0046, 0.085
-"""Wobble of the speed: standard deviation as a share, and width of the bell curve that smooths it. [1, s]"""
+"""Wobble of the speed: standard deviation as a share, and width of the bell curve that smooths
+it. [1, s]
+"""
 
 _LEAD_IN, _SPREAD = 4.0, 0.01
-"""Rest before the first cycle [s]; scatter of the plateaus from log to log, and from cycle to cycle [1]."""
+"""Rest before the first cycle [s]; scatter of the plateaus from log to log, and from cycle to
+cycle [1].
+"""
 
 
 def line_motion(log: str, rng: np.random.Generator, crane: Crane = CRANE) -> tuple[Signal, Signal]:
@@ -93,7 +100,9 @@ def _rise(duration: float, shape: float) -> Signal:
 
 
 def smooth_noise(size: int, width: float, rng: np.random.Generator) -> Signal:
-    """Noise of unit variance, smoothed by a bell curve of a standard deviation in seconds, (size,)."""
+    """Noise of unit variance, smoothed by a bell curve of a standard deviation in seconds,
+    (size,).
+    """
     half_width = round(4.0 * width / GRID)
     bell = np.exp(-0.5 * (np.arange(-half_width, half_width + 1) * GRID / width) ** 2)
     smooth: Signal = fftconvolve(rng.standard_normal(size + 2 * half_width), bell, "valid")
@@ -104,11 +113,13 @@ _WINDOW = 5
 """Number of intervals on either side of a stamp over which a reading is averaged."""
 
 TETHER_HZ, TETHER_DAMPING, TETHER_MASS = 2.2, 0.12, 3.0
-"""Ringing of the tether after a jerk: frequency, damping ratio, and force over the acceleration that it lags behind.
-[Hz, 1, kg]"""
+"""Ringing of the tether after a jerk: frequency, damping ratio, and force over the acceleration
+that it lags behind. [Hz, 1, kg]"""
 
 TETHER_NOISE, TETHER_WIDTH = 3.4, 0.14
-"""Other noise of the tether: standard deviation, and width of the bell curve that smooths it. [N, s]"""
+"""Other noise of the tether: standard deviation, and width of the bell curve that smooths it.
+[N, s]
+"""
 
 
 FIXED = Fixed()
@@ -116,12 +127,14 @@ FIXED = Fixed()
 
 
 class Twin(msgspec.Struct, frozen=True):
-    """Rig of one campaign, or of one run of it: its numbers, its loads, the gains of its sensors, and what is injected.
+    """Rig of one campaign, or of one run of it: its numbers, its loads, the gains of its sensors,
+    and what is injected.
 
-    A rig of another size is a twin in units of nature in which its drum and its machine are the paper's: see `Machine`.
+    A rig of another size is a twin in units of nature in which its drum and its machine are the
+    paper's: see `Machine`.
 
-    `zeros` are zeros of sensors by channel beside those that a log draws, in the unit of the log. `fixed` are the numbers that
-    no campaign draws.
+    `zeros` are zeros of sensors by channel beside those that a log draws, in the unit of the log.
+    `fixed` are the numbers that no campaign draws.
     """
 
     numbers: Numbers
@@ -134,7 +147,9 @@ class Twin(msgspec.Struct, frozen=True):
 
 
 class Solved(msgspec.Struct, frozen=True):
-    """True motion and channels of one log, on the intervals of the grid, (n,) each in SI units; `energy` until the end [J]."""
+    """True motion and channels of one log, on the intervals of the grid, (n,) each in SI units;
+    `energy` until the end [J].
+    """
 
     t: Signal
     x: Signal
@@ -143,16 +158,21 @@ class Solved(msgspec.Struct, frozen=True):
     energy: dict[str, float]
 
 
-def read_log(twin: Twin, solved: Solved, rng: np.random.Generator, logger: Logger) -> dict[str, Signal]:
+def read_log(
+    twin: Twin, solved: Solved, rng: np.random.Generator, logger: Logger
+) -> dict[str, Signal]:
     """Readings of the sensors for one log, by channel in the units of the log, with `time`."""
     stamps, delay = stamps_of(solved, logger), twin.hidden.get("elastic_encoder")
     grid = np.arange(solved.x.size, dtype=np.float64) * GRID
-    x, v = (_follow(y, delay) if delay else y for y in (solved.x, solved.v))  # behind an elastic drive
+    x, v = (
+        _follow(y, delay) if delay else y for y in (solved.x, solved.v)
+    )  # behind an elastic drive
     columns = {
         "time": np.round(stamps, logger.decimals_time),
         "displacement": np.round(np.interp(stamps, grid, x), logger.decimals(4)),
         "velocity": _stepped(
-            np.interp(stamps, grid, v) + rng.normal(0.0, VELOCITY_NOISE * logger.noise, stamps.size),
+            np.interp(stamps, grid, v)
+            + rng.normal(0.0, VELOCITY_NOISE * logger.noise, stamps.size),
             logger.step(VELOCITY_STEP),
             logger.decimals(3),
         ),
@@ -161,8 +181,14 @@ def read_log(twin: Twin, solved: Solved, rng: np.random.Generator, logger: Logge
     for name, value in noiseless(twin, solved, stamps).items():
         sensor = SENSORS[name]
         swaying = np.interp(stamps, solved.t, tether) if name == "force" else 0.0
-        noise = rng.normal(0.0, sensor.zero) + rng.normal(0.0, sensor.noise * logger.noise, stamps.size) + swaying
-        columns[name] = _stepped(value + noise, logger.step(sensor.step), logger.decimals(sensor.decimals))
+        noise = (
+            rng.normal(0.0, sensor.zero)
+            + rng.normal(0.0, sensor.noise * logger.noise, stamps.size)
+            + swaying
+        )
+        columns[name] = _stepped(
+            value + noise, logger.step(sensor.step), logger.decimals(sensor.decimals)
+        )
     return columns
 
 
@@ -182,7 +208,9 @@ _SENSOR_EFFECTS = {
 
 
 def noiseless(twin: Twin, solved: Solved, stamps: Signal) -> dict[str, Signal]:
-    """Readings of the sensors without zeros, noise and resolution, by channel in the units of the log."""
+    """Readings of the sensors without zeros, noise and resolution, by channel in the units of
+    the log.
+    """
     found = {}
     for name, sensor in SENSORS.items():
         if name not in solved.channels:
@@ -198,7 +226,9 @@ def noiseless(twin: Twin, solved: Solved, stamps: Signal) -> dict[str, Signal]:
 
 
 def taut(twin: Twin, force: Signal) -> Signal:
-    """Tension of a line, which is slack where nothing pulls; the gas of the paper's rig always does. [N]"""
+    """Tension of a line, which is slack where nothing pulls; the gas of the paper's rig always
+    does. [N]
+    """
     return force if twin.restoring.has_gas else np.maximum(force, 0.0)
 
 
@@ -237,7 +267,8 @@ def _averaged(value: Signal) -> Signal:
 def ring(pull: Signal) -> Signal:
     """Acceleration of the line less that of a lightly damped mass on the tether. [m/s2]
 
-    The mass follows by d2h/dt2 = w^2 (pull - h) - 2 d w dh/dt, stepped on the grid by the semi-implicit rule of Euler.
+    The mass follows by d2h/dt2 = w^2 (pull - h) - 2 d w dh/dt, stepped on the grid by the
+    semi-implicit rule of Euler.
     """
     turn = 2.0 * math.pi * TETHER_HZ * GRID
     keeps = 1.0 - 2.0 * TETHER_DAMPING * turn
@@ -255,27 +286,35 @@ REST = 0.01
 """Friction of screw, seals and line changes its sign within this speed of the line. [m/s]"""
 
 RESTING, RESTING_MEAN = 0.22, -0.06
-"""Friction at rest lies between its values in the two directions, -1 and 1: scatter from log to log, and mean. [1]"""
+"""Friction at rest lies between its values in the two directions, -1 and 1: scatter from log to
+log, and mean. [1]
+"""
 
 
-def draw_twin(hidden: Hidden, rng: np.random.Generator, scatter: float = 1.0, machine: Machine = PAPER) -> Twin:
+def draw_twin(
+    hidden: Hidden, rng: np.random.Generator, scatter: float = 1.0, machine: Machine = PAPER
+) -> Twin:
     """Draw the rig of a campaign within the uncertainties of its numbers.
 
     Parameters
     ----------
-    scatter : true standard deviation of its numbers and of the gains of its sensors over the stated uncertainty [1]
+    scatter : true standard deviation of its numbers and of the gains of its sensors over the stated
+        uncertainty [1]
     machine : the rig as its file states it
     """
     stated = zip(machine.numbers, machine.relative, SCATTER, strict=True)
     numbers = Numbers(*(rng.normal(mean, scatter * u * share) for mean, share, u in stated))
     loads = {
-        log: rng.normal(1.0, LOAD_SCATTER if log != "open_circuit" else 0.0) * ohm for log, ohm in machine.loads.items()
+        log: rng.normal(1.0, LOAD_SCATTER if log != "open_circuit" else 0.0) * ohm
+        for log, ohm in machine.loads.items()
     }
     gains = {name: rng.normal(1.0, scatter * LOAD_SCATTER) for name in SENSORS}
     restoring = machine.restoring
     if not restoring.has_gas:
         factors = {name: 1.0 + u * rng.standard_normal() for name, u in RESTORING_SHARES.items()}
-        restoring = restoring._replace(**{name: by * getattr(restoring, name) for name, by in factors.items()})
+        restoring = restoring._replace(
+            **{name: by * getattr(restoring, name) for name, by in factors.items()}
+        )
     if machine.direct:
         numbers = numbers._replace(eta_mesh=1.0)
     return Twin(numbers, loads, gains, hidden, fixed=machine.fixed, restoring=restoring)
@@ -302,7 +341,9 @@ def drive_of(twin: Twin, log: str) -> Drive:
         "cable",
         "overrunning_drag",
     )
-    rolloff = {name: hidden.laws[name] for name in ("law", "knee", "width", "power") if name in hidden.laws}
+    rolloff = {
+        name: hidden.laws[name] for name in ("law", "knee", "width", "power") if name in hidden.laws
+    }
     return Drive(
         fixed=fixed._replace(j_rotor=rotor, v_diode=diodes),
         numbers=numbers,
@@ -346,7 +387,9 @@ def efficiencies(mu: float, fixed: Fixed) -> tuple[float, float]:
     return (flank - mu * rise) / (flank + mu / rise), (flank - mu / rise) / (flank + mu * rise)
 
 
-def solve_twin(twin: Twin, log: str, x: Signal, v: Signal, resting: float, *, fine: int = FINE) -> Solved:
+def solve_twin(
+    twin: Twin, log: str, x: Signal, v: Signal, resting: float, *, fine: int = FINE
+) -> Solved:
     """Solve a twin along a motion of the line.
 
     Parameters
@@ -354,18 +397,32 @@ def solve_twin(twin: Twin, log: str, x: Signal, v: Signal, resting: float, *, fi
     x, v : (n + 1,) payout and its rate at the ends of the grid's intervals [m, m/s]
     resting : where friction holds at rest, -1 as in haul-in, 1 as in payout
     """
-    hidden, fixed, r, phase = twin.hidden, twin.fixed, twin.fixed.r_drum, twin.hidden.laws.get("phase", 0.0)
+    hidden, fixed, r, phase = (
+        twin.hidden,
+        twin.fixed,
+        twin.fixed.r_drum,
+        twin.hidden.laws.get("phase", 0.0),
+    )
     t: Signal = (np.arange(x.size - 1, dtype=np.float64) + 0.5) * GRID
     middle: Signal = 0.5 * (x[1:] + x[:-1])
     speed, pull = 0.5 * (v[1:] + v[:-1]), np.diff(v) / GRID
     turned = speed / np.sqrt(speed**2 + REST**2)
     way = turned + resting * (1.0 - turned**2)
-    mesh = 1.0 + hidden.get("worn_gear") * np.cos(3.0 * middle / r + phase)  # three times a turn of the drum
+    mesh = 1.0 + hidden.get("worn_gear") * np.cos(
+        3.0 * middle / r + phase
+    )  # three times a turn of the drum
     out, stored = run_drive(v / r, mesh, drive_of(twin, log), fine)
     torque = out[:, 0] - hidden.get("clutch_drag") * np.where(speed < 0.0, np.abs(turned), 0.0)
-    slow, seals = _slow_friction(hidden, speed), hidden.laws.get("slow_seals", 0.0) * twin.restoring.has_gas
+    slow, seals = (
+        _slow_friction(hidden, speed),
+        hidden.laws.get("slow_seals", 0.0) * twin.restoring.has_gas,
+    )
     inertia = (fixed.j_drum + hidden.get("drum_inertia")) * pull / r
-    friction = hidden.get("line_friction") * way + hidden.get("line_drag") * speed / r + _braking(twin, t, turned)
+    friction = (
+        hidden.get("line_friction") * way
+        + hidden.get("line_drag") * speed / r
+        + _braking(twin, t, turned)
+    )
     lost = friction + slow * way * (1.0 - seals)
     channels = {"torque": torque, "vdc": out[:, 1], "idc": out[:, 2]}
     if twin.restoring.has_gas:
@@ -376,7 +433,11 @@ def solve_twin(twin: Twin, log: str, x: Signal, v: Signal, resting: float, *, fi
         held = r * held_by(twin.restoring, middle, pull, way)
     eccentric = hidden.get("eccentric_drum") * np.cos(middle / r + phase)
     radius = r * (1.0 + hidden.get("drum_layering") * middle / 10.0) * (1.0 + eccentric)
-    force = (held + torque + inertia + lost) / radius * np.exp(-math.log1p(-hidden.get("rope_loss")) * way)
+    force = (
+        (held + torque + inertia + lost)
+        / radius
+        * np.exp(-math.log1p(-hidden.get("rope_loss")) * way)
+    )
     channels["force"] = taut(twin, force)
     energy = dict(zip(LEDGER, [*out[:, 4:].sum(axis=0), *stored], strict=True))
     return Solved(t, x, v, channels | {"omega": out[:, 3]}, energy)
@@ -399,7 +460,9 @@ def _gauge(twin: Twin, x: Signal, t: Signal) -> Signal:
     """Gauge pressure in the accumulator. [Pa]"""
     hidden, n, fixed = twin.hidden, twin.numbers, twin.fixed
     area = n.area * (1.0 + hidden.get("piston_area"))
-    volume = n.v_gas + hidden.get("gas_volume") - area * fixed.lead * x / (2.0 * math.pi * fixed.r_drum)
+    volume = (
+        n.v_gas + hidden.get("gas_volume") - area * fixed.lead * x / (2.0 * math.pi * fixed.r_drum)
+    )
     absolute = gas_pressure(
         volume,
         pressure=n.p_gas * (1.0 + hidden.get("precharge")),
@@ -412,7 +475,8 @@ def _gauge(twin: Twin, x: Signal, t: Signal) -> Signal:
 def _slow_friction(hidden: Hidden, speed: Signal) -> Signal:
     """Friction torque at the line that is larger near standstill, by its amount. [N m]
 
-    It falls as exp(-(v / v_s)^d) with the speed, d about 2 (Bo and Pavelescu 1982); its size is that at 0.05 m/s.
+    It falls as exp(-(v / v_s)^d) with the speed, d about 2 (Bo and Pavelescu 1982); its size is
+    that at 0.05 m/s.
     """
     slow, power = hidden.laws.get("slow_speed", 1.0), hidden.laws.get("slow_power", 2.0)
     share: Signal = np.exp((0.05 / slow) ** power - (np.abs(speed) / slow) ** power)
@@ -420,7 +484,8 @@ def _slow_friction(hidden: Hidden, speed: Signal) -> Signal:
 
 
 def _screw(twin: Twin, gauge: Signal, way: Signal, seal_slow: Signal) -> Signal:
-    """Torque of the screw at the drum: thrust times lead, over the efficiency in payout, times it in haul-in. [N m]
+    """Torque of the screw at the drum: thrust times lead, over the efficiency in payout, times it
+    in haul-in. [N m]
 
     Parameters
     ----------
@@ -428,12 +493,23 @@ def _screw(twin: Twin, gauge: Signal, way: Signal, seal_slow: Signal) -> Signal:
     """
     hidden, n, lead = twin.hidden, twin.numbers, twin.fixed.lead
     forward, reverse = efficiencies(n.mu + hidden.get("screw_friction"), twin.fixed)
-    thrust = gauge * n.area * (1.0 + hidden.get("piston_area")) + hidden.get("seal_friction") * way + seal_slow
-    return thrust * lead / (2.0 * math.pi) * (0.5 * (1.0 + way) / forward + 0.5 * (1.0 - way) * reverse)
+    thrust = (
+        gauge * n.area * (1.0 + hidden.get("piston_area"))
+        + hidden.get("seal_friction") * way
+        + seal_slow
+    )
+    return (
+        thrust
+        * lead
+        / (2.0 * math.pi)
+        * (0.5 * (1.0 + way) / forward + 0.5 * (1.0 - way) * reverse)
+    )
 
 
 def _braking(twin: Twin, t: Signal, turned: Signal) -> Signal:
-    """Torque of a brake that drags for a second or two and releases, in each log at other times. [N m]"""
+    """Torque of a brake that drags for a second or two and releases, in each log at other times.
+    [N m]
+    """
     torque = twin.hidden.get("brake_drag")
     if torque == 0.0:
         return np.zeros(t.size)
@@ -442,7 +518,9 @@ def _braking(twin: Twin, t: Signal, turned: Signal) -> Signal:
     return np.where(np.searchsorted(flips, t) % 2 == 1, torque * turned, 0.0)
 
 
-def draw_motion(log: str, rng: np.random.Generator, crane: Crane = CRANE) -> tuple[Signal, Signal, float]:
+def draw_motion(
+    log: str, rng: np.random.Generator, crane: Crane = CRANE
+) -> tuple[Signal, Signal, float]:
     """Draw the motion of one log, and where friction holds at rest; see `solve_twin`."""
     x, v = line_motion(log, rng, crane)
     return x, v, float(np.clip(rng.normal(RESTING_MEAN, RESTING), -0.9, 0.9))

@@ -1,6 +1,7 @@
 """Numbers of the twin of the rig: values, tolerances, and noise of its sensors.
 
-The twin holds a table of its own and reads none of the rig's, so that a slip in one of them shows as a gap in a trial.
+The twin holds a table of its own and reads none of the rig's, so that a slip in one of them shows
+as a gap in a trial.
 """
 
 import math
@@ -18,11 +19,14 @@ LOADS = {
     "open_circuit": 4500.0, "r45ohm": 45.0, "r36ohm": 36.0, "r27ohm": 27.0, "r18ohm": 18.0, "r9ohm": 9.0,
     "r4p5ohm": 4.5,
 }  # fmt: skip
-"""Logs of a campaign and the resistance at their DC link; the open circuit's is that of Sec. 4.2. [ohm]"""
+"""Logs of a campaign and the resistance at their DC link; the open circuit's is that of Sec.
+4.2. [ohm]
+"""
 
 
 class Numbers(NamedTuple):
-    """Numbers of the rig that a campaign draws, SI units; Tables 3 and 4 of Hsu et al. 2026 unless another place is named.
+    """Numbers of the rig that a campaign draws, SI units; Tables 3 and 4 of Hsu et al. 2026 unless
+    another place is named.
 
     Parameters
     ----------
@@ -61,14 +65,18 @@ SCATTER = Numbers(
     eta_mesh=0.002,
     mu=0.0005,
 )
-"""How well a rig that was calibrated in place is known: one standard uncertainty of each number, assumed."""
+"""How well a rig that was calibrated in place is known: one standard uncertainty of each number,
+assumed.
+"""
 
 LOAD_SCATTER = 1e-3
 """Of each load, and of the sensors' gains. [1]"""
 
 
 class Fixed(NamedTuple):
-    """Numbers that every campaign shares, SI units: Sec. 2.1.1 and Tables 3 and 4; the shaft's damping is assumed."""
+    """Numbers that every campaign shares, SI units: Sec. 2.1.1 and Tables 3 and 4; the shaft's
+    damping is assumed.
+    """
 
     r_drum: float = 0.13
     j_drum: float = 0.3
@@ -109,7 +117,9 @@ class Restoring(NamedTuple):
 
 
 RESTORING_SHARES = {"force": 2e-3, "stiffness": 5e-3, "weight": 2e-3, "friction": 2e-2}
-"""One standard uncertainty of each number of a spring or a counterweight as a share of it, assumed. [1]"""
+"""One standard uncertainty of each number of a spring or a counterweight as a share of it,
+assumed. [1]
+"""
 
 
 class Crane(NamedTuple):
@@ -134,8 +144,9 @@ CRANE = Crane()
 
 
 class Logger(msgspec.Struct, frozen=True):
-    """The logger of a campaign: time between two rows [s], and a factor on the noise of all sensors and on that of the tether;
-    zero errors keep their size [1]. Sensors that scatter less than usual have a finer step, which does not hide it.
+    """The logger of a campaign: time between two rows [s], and a factor on the noise of all sensors
+    and on that of the tether; zero errors keep their size [1]. Sensors that scatter less than usual
+    have a finer step, which does not hide it.
     """
 
     interval: float = 0.04
@@ -143,7 +154,9 @@ class Logger(msgspec.Struct, frozen=True):
 
     @property
     def decimals_time(self) -> int:
-        """Number of decimals of the stamps: those of an interval in the units of another rig have no end."""
+        """Number of decimals of the stamps: those of an interval in the units of another rig
+        have no end.
+        """
         return 4 if round(self.interval, 4) == self.interval else 9
 
     def step(self, usual: float) -> float:
@@ -164,7 +177,9 @@ CRANE_LOGGER = Logger()
 
 
 class SensorScatter(msgspec.Struct, frozen=True):
-    """How a sensor scatters: zero error per log, white noise and resolution, in the unit of the logs."""
+    """How a sensor scatters: zero error per log, white noise and resolution, in the unit of the
+    logs.
+    """
 
     unit: float
     zero: float
@@ -180,10 +195,14 @@ SENSORS = {
     "vdc": SensorScatter(1.0, 0.0, 0.25, 0.01, 2),
     "idc": SensorScatter(1.0, 0.005, 0.015, 0.001, 3),
 }
-"""Sensors in the order of the gains: zeros as assumed for a rig calibrated in place, noise and resolution as in crane logs."""
+"""Sensors in the order of the gains: zeros as assumed for a rig calibrated in place, noise and
+resolution as in crane logs.
+"""
 
 VELOCITY_NOISE, VELOCITY_STEP = 0.003, 0.002
 """Of the logged velocity. [m/s]"""
 
 KNEE, LINE, BELL = 0.0, 1.0, 2.0
-"""Laws of the back-EMF's roll-off: a smooth knee, a straight line beyond one, and a bell curve from zero current on."""
+"""Laws of the back-EMF's roll-off: a smooth knee, a straight line beyond one, and a bell curve
+from zero current on.
+"""

@@ -1,4 +1,6 @@
-"""Units of nature: by similarity a rig of another size is a rig of the paper's size whose numbers are in other units."""
+"""Units of nature: by similarity a rig of another size is a rig of the paper's size whose
+numbers are in other units.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,9 @@ import msgspec
 
 
 class Units(msgspec.Struct, frozen=True, dict=True):
-    """Factors by which six free units of a rig exceed those of the paper's rig; pressures stay, as the atmosphere does. [1]"""
+    """Factors by which six free units of a rig exceed those of the paper's rig; pressures stay,
+    as the atmosphere does. [1]
+    """
 
     length: float = 1.0
     time: float = 1.0
@@ -19,7 +23,9 @@ class Units(msgspec.Struct, frozen=True, dict=True):
 
     @cached_property
     def _factors(self) -> dict[str, float]:
-        """Factor of each quantity; those of the high-speed shaft are named `rotor`, where a speed is `gear` times larger."""
+        """Factor of each quantity; those of the high-speed shaft are named `rotor`, where a
+        speed is `gear` times larger.
+        """
         torque = self.force * self.length
         ampere = torque / self.time / self.volt
         ohm = self.volt / ampere

@@ -1,4 +1,6 @@
-"""The command line: its commands, in the order in which the help lists them, and how it lists them."""
+"""The command line: its commands, in the order in which the help lists them, and how it lists
+them.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,9 @@ _COMMANDS = {
     "rig": "model_commands",
     "blind": "blind_command",
 }
-"""Each command's module, where its name ends in `_command`, in the order in which the help lists them."""
+"""Each command's module, where its name ends in `_command`, in the order in which the help lists
+them.
+"""
 
 
 SUMMARY = "Turn test logs of a winch-driven power take-off into energies and efficiencies, and find why model and logs differ."
@@ -47,7 +51,8 @@ HELP = 80
 def command_line(first: str | None) -> Command:
     """The command line with the command that `first` names, or with all where it names none.
 
-    Typer evaluates the annotations of every command that it is given, which takes longer than the reduction of a short log.
+    Typer evaluates the annotations of every command that it is given, which takes longer than the
+    reduction of a short log.
     """
     app = typer.Typer(
         cls=CommandList,
@@ -55,7 +60,10 @@ def command_line(first: str | None) -> Command:
         no_args_is_help=True,
         pretty_exceptions_enable=False,
         rich_markup_mode=None,  # markup would take [ohm] out of a text
-        context_settings={"help_option_names": ["-h", "--help"], "terminal_width": line_width(HELP)},
+        context_settings={
+            "help_option_names": ["-h", "--help"],
+            "terminal_width": line_width(HELP),
+        },
     )
     app.callback()(winchcascade)
     for name in [first] if first in _COMMANDS else _COMMANDS:
@@ -78,7 +86,8 @@ def _add_quiet(command: Command) -> None:
     else:
         command.params.append(
             TyperOption(
-                param_decls=["--quiet"], is_flag=True, expose_value=False, help="Print only what fails.",
+                param_decls=["--quiet"], is_flag=True, expose_value=False, help="Print only what "
+                                                                                "fails.",
                 callback=lambda _context, _option, wanted: QUIET.set(wanted),
             )
         )  # fmt: skip
@@ -89,13 +98,17 @@ MATTERING = ("numpy", "scipy", "numba", "pyarrow", "matplotlib", "typst")
 
 
 def versions() -> str:
-    """This program's version, Python's, the platform's, and those of the packages that matter; none of them is imported."""
+    """This program's version, Python's, the platform's, and those of the packages that matter;
+    none of them is imported.
+    """
     import platform
     from importlib.metadata import version
 
     from winchcascade.core.version import __version__
 
-    lines = [f"winchcascade {__version__} (Python {platform.python_version()}, {platform.platform()})"]
+    lines = [
+        f"winchcascade {__version__} (Python {platform.python_version()}, {platform.platform()})"
+    ]
     lines += [f"{package} {version(package)}" for package in MATTERING]
     return "\n".join(lines) + "\n"
 
@@ -113,7 +126,8 @@ def winchcascade(
             "--version",
             callback=_version,
             is_eager=True,
-            help="Print the versions of winchcascade, Python and the packages that may change a result.",
+            help="Print the versions of winchcascade, Python and the packages that may change a "
+            "result.",
         ),
     ] = False,
 ) -> None:

@@ -40,7 +40,10 @@ MAX_ALTERED = 5
     "tables",
     "loss_map",
     load_ohm=option(
-        "--load-ohm", "OHM", "Set the load of the logs that no campaign lists, in ohms; inf is an open circuit.", INPUT
+        "--load-ohm",
+        "OHM",
+        "Set the load of the logs that no campaign lists, in ohms; inf is an open circuit.",
+        INPUT,
     ),
 )
 def batch_command(
@@ -57,8 +60,8 @@ def batch_command(
 ) -> None:
     """Reduce a whole campaign: every log, the tables of all logs, and a report.
 
-    A second call reduces only logs of which the content, the options or the version changed. The exit code is 1 if a log
-    failed.
+    A second call reduces only logs of which the content, the options or the version changed. The
+    exit code is 1 if a log failed.
     """
     from winchcascade.batch.plan import make_plan, without_campaign
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
@@ -75,7 +78,10 @@ def batch_command(
         from winchcascade.batch.campaign_loss_map import check_one_map
 
         check_one_map(plan, outputs["loss_map"])
-    products, workers = Products(REPORTS[reports], excel, given_command()), Workers(jobs or processes(), scheduler)
+    products, workers = (
+        Products(REPORTS[reports], excel, given_command()),
+        Workers(jobs or processes(), scheduler),
+    )
     with Progress(plan.title) as watch:
         batch = run_batch(plan, out, products, workers=workers, force=outputs.force, watch=watch)
     no_campaign = [] if load_ohm else without_campaign(targets)
@@ -85,13 +91,20 @@ def batch_command(
     raise typer.Exit(1 if batch.faults else 0)
 
 
-def _present_loss_map(plan: Plan, batch: Batch, products: Products, path: Path, *, force: bool) -> None:
-    """Write the loss map of a campaign with its reports into the folder of the batch, and print it."""
+def _present_loss_map(
+    plan: Plan, batch: Batch, products: Products, path: Path, *, force: bool
+) -> None:
+    """Write the loss map of a campaign with its reports into the folder of the batch, and print
+    it.
+    """
     from winchcascade.batch.campaign_loss_map import campaign_loss_map
     from winchcascade.batch.results_pages import write_index
     from winchcascade.report.loss_map_file import write_loss_map
     from winchcascade.report.results.campaign_index import links_to
-    from winchcascade.report.results.loss_map_report import campaign_loss_map_report, loss_map_pictures
+    from winchcascade.report.results.loss_map_report import (
+        campaign_loss_map_report,
+        loss_map_pictures,
+    )
 
     found = campaign_loss_map(plan, batch.results)
     write_loss_map(found, path, plan.title, force=force)
@@ -111,8 +124,11 @@ def _present_loss_map(plan: Plan, batch: Batch, products: Products, path: Path, 
         write_index(batch.folder)
 
 
-def _present(batch: Batch, outputs: Outputs = NO_OUTPUTS, *, drafted_by: Sequence[str] = ()) -> None:
-    """Write the report of a campaign where it is wanted, and print what its logs give and what was written.
+def _present(
+    batch: Batch, outputs: Outputs = NO_OUTPUTS, *, drafted_by: Sequence[str] = ()
+) -> None:
+    """Write the report of a campaign where it is wanted, and print what its logs give and what was
+    written.
 
     Parameters
     ----------
@@ -129,12 +145,20 @@ def _present(batch: Batch, outputs: Outputs = NO_OUTPUTS, *, drafted_by: Sequenc
     named, more = ", ".join(batch.altered[:MAX_ALTERED]), len(batch.altered) - MAX_ALTERED
     named += f" and {more} more" if more > 0 else ""
     notes = [
-        Note(f"{batch.kept} of {len(batch.results)} logs reduced by an earlier call." if batch.kept else "", "Kept"),
-        Note(f"made again, as its digest did not match: {named}" if named else "", "Altered", "warn"),
+        Note(
+            f"{batch.kept} of {len(batch.results)} logs reduced by an earlier call."
+            if batch.kept
+            else "",
+            "Kept",
+        ),
+        Note(
+            f"made again, as its digest did not match: {named}" if named else "", "Altered", "warn"
+        ),
     ]
     notes += [
         Note(
-            f"{folder} has no campaign.toml with the loads; `winchcascade init {quote(folder)}` drafts one.",
+            f"{folder} has no campaign.toml with the loads; `winchcascade init {quote(folder)}` "
+            f"drafts one.",
             "Campaign",
             "warn",
         )
@@ -158,19 +182,37 @@ def _files_in(folder: Path) -> list[Path]:
 
 
 @with_options(
-    out=option("--out", "FOLDER", "Write campaign and results into this folder; winchcascade-demo by default.", OUTPUTS)
+    out=option(
+        "--out",
+        "FOLDER",
+        "Write campaign and results into this folder; winchcascade-demo by default.",
+        OUTPUTS,
+    )
 )
-def demo_command(out: Path = Path("winchcascade-demo"), jobs: int | None = None, force: bool = False) -> None:
-    """Reduce and diagnose the packaged campaign, simulated crane trials at seven loads, and write all reports."""
+def demo_command(
+    out: Path = Path("winchcascade-demo"), jobs: int | None = None, force: bool = False
+) -> None:
+    """Reduce and diagnose the packaged campaign, simulated crane trials at seven loads, and
+    write all reports.
+    """
     one_thread_each()
-    from winchcascade.batch.demo import copy_campaign, diagnosis_of, diagnosis_output, write_diagnosis
+    from winchcascade.batch.demo import (
+        copy_campaign,
+        diagnosis_of,
+        diagnosis_output,
+        write_diagnosis,
+    )
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.report.content import Report
     from winchcascade.report.results.diagnosis_words import diagnosis_note
     from winchcascade.report.screen import Progress, status_line
 
-    campaign, results, count = copy_campaign(out / "campaign", force=force), out / "results", jobs or processes()
+    campaign, results, count = (
+        copy_campaign(out / "campaign", force=force),
+        out / "results",
+        jobs or processes(),
+    )
     plan = make_plan([str(campaign)])
     products = Products(REPORTS["all"], workbook=True, command=given_command())
     diagnosis = diagnosis_output(campaign)
@@ -184,5 +226,9 @@ def demo_command(out: Path = Path("winchcascade-demo"), jobs: int | None = None,
             write_diagnosis(results, found_files, force=force, on_progress=on_progress)
     found = msgspec.json.decode((results / DIAGNOSIS_RECORD).read_bytes(), type=dict[str, object])
     stated = Report("Diagnosis", "Diagnosis", points=[diagnosis_note(found)])
-    present(lambda: stated, NO_OUTPUTS, notes=[results / name for name in (*diagnosis.files, diagnosis.record)])
+    present(
+        lambda: stated,
+        NO_OUTPUTS,
+        notes=[results / name for name in (*diagnosis.files, diagnosis.record)],
+    )
     raise typer.Exit(1 if batch.faults else 0)

@@ -20,25 +20,49 @@ if TYPE_CHECKING:
 
 blind_command = typer.Typer(
     cls=CommandList,
-    help="Test the diagnosis on campaigns of an independent twin of the rig, whose answers are sealed.",
+    help="Test the diagnosis on campaigns of an independent twin of the rig, whose answers are "
+    "sealed.",
     no_args_is_help=True,
 )
 
 
-_DIAGNOSES = option("--diagnoses", "DIR", "Keep the diagnoses here, not in the folder diagnoses of the trial.", OUTPUTS)
+_DIAGNOSES = option(
+    "--diagnoses",
+    "DIR",
+    "Keep the diagnoses here, not in the folder diagnoses of the trial.",
+    OUTPUTS,
+)
 
 
 @blind_command.command("deal", cls=GroupedCommand)
-@with_options(out=option("--out", "DIR", "Write the trial into this folder. A second call completes it.", OUTPUTS))
+@with_options(
+    out=option(
+        "--out", "DIR", "Write the trial into this folder. A second call completes it.", OUTPUTS
+    )
+)
 def blind_deal_command(
-    cases: int, seed: int, out: Path, jobs: int | None = None, scheduler: str | None = None, force: bool = False
+    cases: int,
+    seed: int,
+    out: Path,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    force: bool = False,
 ) -> None:
-    """Generate campaigns with injected effects, and seal the answers. The exit code is 1 if a case failed."""
+    """Generate campaigns with injected effects, and seal the answers. The exit code is 1 if a
+    case failed.
+    """
     from winchcascade.blind.trial import deal
     from winchcascade.report.screen import Progress
 
     with Progress(f"dealing {cases} cases") as watch:
-        done = deal(out, cases, seed, workers=Workers(jobs or processes(), scheduler), force=force, watch=watch)
+        done = deal(
+            out,
+            cases,
+            seed,
+            workers=Workers(jobs or processes(), scheduler),
+            force=force,
+            watch=watch,
+        )
     _end(done, "dealt", [out])
 
 
@@ -60,7 +84,12 @@ def blind_diagnose_command(
 
 
 def _diagnosed(
-    trial: Path, diagnoses: Path | None, workers: Workers, *, only: Collection[str] | None = None, force: bool = False
+    trial: Path,
+    diagnoses: Path | None,
+    workers: Workers,
+    *,
+    only: Collection[str] | None = None,
+    force: bool = False,
 ) -> TrialProgress:
     """Diagnose the cases of a trial, or some of them, and show the progress."""
     one_thread_each()
@@ -70,7 +99,13 @@ def _diagnosed(
 
     with Progress(f"diagnosing {trial.name}") as watch:
         return diagnose(
-            trial, diagnose_campaign, diagnoses=diagnoses, only=only, workers=workers, force=force, watch=watch
+            trial,
+            diagnose_campaign,
+            diagnoses=diagnoses,
+            only=only,
+            workers=workers,
+            force=force,
+            watch=watch,
         )
 
 
@@ -79,19 +114,25 @@ def _end(done: TrialProgress, what: str, folders: Sequence[Path]) -> NoReturn:
     from winchcascade.report.results.trials import progress_report
 
     report = progress_report(done, what)
-    present(lambda: report, NO_OUTPUTS, failed=(lambda: report) if done.faults else None, notes=folders)
+    present(
+        lambda: report, NO_OUTPUTS, failed=(lambda: report) if done.faults else None, notes=folders
+    )
     raise typer.Exit(1 if done.faults else 0)
 
 
 @blind_command.command("score", cls=GroupedCommand)
 @with_options("json", diagnoses=_DIAGNOSES)
 def blind_score_command(
-    trial: Path, diagnoses: Path | None = None, jobs: int | None = None, outputs: Outputs = NO_OUTPUTS
+    trial: Path,
+    diagnoses: Path | None = None,
+    jobs: int | None = None,
+    outputs: Outputs = NO_OUTPUTS,
 ) -> None:
-    """Open the answers of a trial, and count correct and wrong diagnoses. Changed answers are rejected.
+    """Open the answers of a trial, and count correct and wrong diagnoses. Changed answers are
+    rejected.
 
-    A folder of your own campaigns is judged as well, if each has a truth.json beside its campaign.toml; those without a
-    diagnosis are diagnosed first.
+    A folder of your own campaigns is judged as well, if each has a truth.json beside its
+    campaign.toml; those without a diagnosis are diagnosed first.
     """
     from winchcascade.blind.score import score
     from winchcascade.blind.trial import DIAGNOSES, SEALED, TRIAL, case_names
@@ -99,10 +140,16 @@ def blind_score_command(
     from winchcascade.report.results.trials import trial_report
 
     place = diagnoses or trial / DIAGNOSES
-    outputs.check([trial / TRIAL, trial / SEALED, *trial.glob(f"*/{TRUTH_FILE}"), *place.glob("*.json")])
+    outputs.check(
+        [trial / TRIAL, trial / SEALED, *trial.glob(f"*/{TRUTH_FILE}"), *place.glob("*.json")]
+    )
     if not (trial / TRIAL).exists():
         missing = [name for name in case_names(trial) if not (place / f"{name}.json").exists()]
-        faults = _diagnosed(trial, diagnoses, Workers(jobs or processes()), only=missing).faults if missing else {}
+        faults = (
+            _diagnosed(trial, diagnoses, Workers(jobs or processes()), only=missing).faults
+            if missing
+            else {}
+        )
         for name, fault in faults.items():
             typer.echo(f"{name}: {fault}", err=True)
     found = score(trial, diagnoses)

@@ -6,7 +6,15 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from winchcascade.cli.options import EVALUATION, INPUT, OUTPUTS, argument, named_number, option, with_options
+from winchcascade.cli.options import (
+    EVALUATION,
+    INPUT,
+    OUTPUTS,
+    argument,
+    named_number,
+    option,
+    with_options,
+)
 from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import one_thread_each, processes, set_threads
@@ -16,14 +24,18 @@ from winchcascade.core.jobs import one_thread_each, processes, set_threads
     "json",
     *REPORT,
     "csv",
-    source=argument("CAMPAIGN|DIAGNOSIS.json", "The campaign, which is diagnosed first, or the JSON of its diagnosis."),
-    motion=option("--motion", "LOG|FILE", "The motion: a log, a profile, or a table of speed_mps and cycles_per_year.", INPUT),
+    source=argument("CAMPAIGN|DIAGNOSIS.json", "The campaign, which is diagnosed first, or the "
+                                               "JSON of its diagnosis."),
+    motion=option("--motion", "LOG|FILE", "The motion: a log, a profile, or a table of speed_mps "
+                                          "and cycles_per_year.", INPUT),
     loads=option("--loads", "OHM,...", "Loads of the map [ohm]; by default those of the campaign.", EVALUATION),
-    speeds=option("--speeds", "MPS,...", "Line speeds of the map [m/s]; by default up to the fastest logged.", EVALUATION),
+    speeds=option("--speeds", "MPS,...", "Line speeds of the map [m/s]; by default up to the "
+                                         "fastest logged.", EVALUATION),
     current_limit=option("--current-limit", "A", "Largest stator current, rms [A].", EVALUATION),
     speed_limit=option("--speed-limit", "RPM", "Largest speed of the generator [rpm].", EVALUATION),
     tension_limit=option("--tension-limit", "N", "Largest line tension [N].", EVALUATION),
-    csv=option("--csv", "FILE", "Write the schedule for a controller: speeds, load, domain and verdict.", OUTPUTS),
+    csv=option("--csv", "FILE", "Write the schedule for a controller: speeds, load, domain and "
+                                "verdict.", OUTPUTS),
 )  # fmt: skip
 def design_command(
     source: Path,
@@ -37,10 +49,11 @@ def design_command(
     threads: int | None = None,
     outputs: Outputs = NO_OUTPUTS,
 ) -> None:
-    """Predict other loads and speeds with the corrected rig, schedule the load, and value the repair of each cause.
+    """Predict other loads and speeds with the corrected rig, schedule the load, and value the
+    repair of each cause.
 
-    Every value has a 95 % interval; points that the logs do not cover and points over a limit are flagged. A diagnosis whose
-    gap is unexplained is rejected, unless --force is given.
+    Every value has a 95 % interval; points that the logs do not cover and points over a limit are
+    flagged. A diagnosis whose gap is unexplained is rejected, unless --force is given.
     """
     one_thread_each()
     from winchcascade.batch.campaign_design import corrected_by, motions_of
@@ -52,14 +65,27 @@ def design_command(
     outputs.check([source, motion, rig])
     set_threads(threads or processes())
     at_loads, at_speeds = numbers("--loads", loads), numbers("--speeds", speeds)
-    limits = Limits(*(math.inf if limit is None else limit for limit in (current_limit, speed_limit, tension_limit)))
+    limits = Limits(
+        *(
+            math.inf if limit is None else limit
+            for limit in (current_limit, speed_limit, tension_limit)
+        )
+    )
     check_options(at_loads, at_speeds, limits)
     cycle, sea = motions_of(motion)
     with status_line(f"designing with {source.name}") as on_progress:
         posterior, tested = corrected_by(source, rig, on_progress)
         tested.judgement.check(f"{source}", force=outputs.force)
         on_progress("predicting other loads and speeds")
-        found = design(posterior, tested, motion=cycle, sea=sea, loads=at_loads, speeds=at_speeds, limits=limits)
+        found = design(
+            posterior,
+            tested,
+            motion=cycle,
+            sea=sea,
+            loads=at_loads,
+            speeds=at_speeds,
+            limits=limits,
+        )
     if outputs["csv"] is not None:
         write_content(outputs["csv"], schedule_csv(found), force=outputs.force)
     present(
@@ -71,23 +97,30 @@ def design_command(
 
 
 def numbers(flag: str, text: str | None) -> Sequence[float]:
-    """Numbers of an option that are separated by commas; OptionError, before long work begins, for one that is not above 0."""
+    """Numbers of an option that are separated by commas; OptionError, before long work begins,
+    for one that is not above 0.
+    """
     try:
         found = [float(number) for number in text.split(",")] if text is not None else []
     except ValueError:
         found = [math.nan]
     if not all(number > 0.0 for number in found):
-        raise OptionError(f"{flag} {text}: expected numbers above 0 separated by commas, such as 9,18,36.")
+        raise OptionError(
+            f"{flag} {text}: expected numbers above 0 separated by commas, such as 9,18,36."
+        )
     return found
 
 
 @with_options(
     "json",
     *REPORT,
-    source=argument("CAMPAIGN|RIG", "The campaign, which is diagnosed first, or before any run a rig file or a built-in rig."),
+    source=argument("CAMPAIGN|RIG", "The campaign, which is diagnosed first, or before any run a "
+                                    "rig file or a built-in rig."),
     runs=option("--runs", "N", "Plan N runs at most; 12 by default.", EVALUATION, minimum=1),
-    separate=option("--separate", "EFFECT EFFECT", "Separate two effects; by default a cause and its look-alike.", EVALUATION),
-    uncertainty=option("--uncertainty", "METRIC=X", "Determine a metric to this standard uncertainty.", EVALUATION),
+    separate=option("--separate", "EFFECT EFFECT", "Separate two effects; by default a cause and "
+                                                   "its look-alike.", EVALUATION),
+    uncertainty=option("--uncertainty", "METRIC=X", "Determine a metric to this standard "
+                                                    "uncertainty.", EVALUATION),
     loads=option("--loads", "OHM,...", "Loads that can be run [ohm], inf for an open circuit.", EVALUATION),
     speeds=option("--speeds", "MPS,...", "Line speeds that can be run [m/s].", EVALUATION),
     length=option("--length", "M", "Travel of a payout before any run is made; 10 m by default.", EVALUATION),
@@ -106,7 +139,8 @@ def plan_command(
 ) -> None:
     """Plan the runs that separate two effects, or that determine a metric to a wanted uncertainty.
 
-    Runs stand in the order in which they help most, each with what is expected after it, beside random runs of the same number.
+    Runs stand in the order in which they help most, each with what is expected after it, beside
+    random runs of the same number.
     """
     one_thread_each()
     from winchcascade.batch.campaign_design import planned_from
@@ -125,5 +159,8 @@ def plan_command(
             on_progress=on_progress,
         )  # fmt: skip
     present(
-        lambda: plan_report(found, command=given_command()), outputs, record=lambda: plan_record(found), name="plan"
+        lambda: plan_report(found, command=given_command()),
+        outputs,
+        record=lambda: plan_record(found),
+        name="plan",
     )

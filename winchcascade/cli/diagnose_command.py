@@ -30,7 +30,13 @@ if TYPE_CHECKING:
     "export",
     "predictions",
     "validation",
-    seed=option("--seed", "N", "Set the seed by which cycles are resampled; 0 by default.", EVALUATION, minimum=0),
+    seed=option(
+        "--seed",
+        "N",
+        "Set the seed by which cycles are resampled; 0 by default.",
+        EVALUATION,
+        minimum=0,
+    ),
 )
 def diagnose_command(
     campaign: Path,
@@ -44,12 +50,12 @@ def diagnose_command(
 ) -> None:
     """Find which unmodelled effects separate the logs from the model of the rig.
 
-    The result states where they differ, which effects explain it, how certain that is, what share of the gap they close, and
-    which run to make next.
+    The result states where they differ, which effects explain it, how certain that is, what share
+    of the gap they close, and which run to make next.
 
-    The numbers of the rig file enter as they are, or as before their calibration. Without --withhold and without withheld
-    runs, each load is held out once. Stages of a rig without a model are diagnosed from the powers at
-    both ends; their cycles are held out in turn.
+    The numbers of the rig file enter as they are, or as before their calibration. Without
+    --withhold and without withheld runs, each load is held out once. Stages of a rig without a
+    model are diagnosed from the powers at both ends; their cycles are held out in turn.
     """
     one_thread_each()
     from winchcascade.batch.campaign_diagnosis import diagnose_listed
@@ -64,10 +70,14 @@ def diagnose_command(
     check_export(outputs["export"])
     _check_validation(outputs["validation"])
     predicted = _prediction_files(outputs["predictions"], logs)
-    outputs.without("predictions").check([listed.path, *logs, *simulations, rig or listed.rig], predicted)
+    outputs.without("predictions").check(
+        [listed.path, *logs, *simulations, rig or listed.rig], predicted
+    )
     set_threads(threads or processes())
     with status_line(f"diagnosing {listed.name}") as on_progress:
-        found = diagnose_listed(listed, suspects, rig=rig, loads=withhold or (), seed=seed, on_progress=on_progress)
+        found = diagnose_listed(
+            listed, suspects, rig=rig, loads=withhold or (), seed=seed, on_progress=on_progress
+        )
         refused = _refused(found, outputs)
         for name in refused:
             outputs = outputs.without(name)
@@ -77,7 +87,11 @@ def diagnose_command(
     _write_validation(found, outputs)
     report = _linked_report(found, outputs["html"])
     present(
-        lambda: report, outputs, record=lambda: diagnosis_record(found), name="diagnosis", notes=list(lacking.values())
+        lambda: report,
+        outputs,
+        record=lambda: diagnosis_record(found),
+        name="diagnosis",
+        notes=list(lacking.values()),
     )
     _list_in_results(outputs)
     for reason in refused.values():  # the diagnosis itself is stated and written first
@@ -85,7 +99,9 @@ def diagnose_command(
 
 
 def _refused(found: DiagnosisResult, outputs: Outputs) -> dict[str, OptionError]:
-    """A corrected rig or model of an unexplained gap, unless that is forced, each with the reason why it is not written."""
+    """A corrected rig or model of an unexplained gap, unless that is forced, each with the
+    reason why it is not written.
+    """
     reasons = {}
     for name in ("write", "export"):
         if outputs[name] is not None:
@@ -111,7 +127,9 @@ def _listed(campaign: Path, simulated: Path | None) -> Campaign:
 
 
 def _write_files(found: ModelDiagnosis | StageDiagnosis, outputs: Outputs) -> dict[str, str]:
-    """Write predictions, corrected rig and exported model as far as they are wanted; what there is none of, with the reason."""
+    """Write predictions, corrected rig and exported model as far as they are wanted; what there
+    is none of, with the reason.
+    """
     from winchcascade.batch.campaign_diagnosis import write_corrected_rig, write_predictions
     from winchcascade.diagnosis.handover.model_export import write_export
 
@@ -141,9 +159,14 @@ def _write_validation(found: DiagnosisResult, outputs: Outputs) -> None:
     from winchcascade.report.results.validation_report import validation_report
 
     if not isinstance(found, ModelDiagnosis):
-        raise OptionError(f"--validation {path}: no model can be made of rig {found.rig.name}; leave --validation out.")
+        raise OptionError(
+            f"--validation {path}: no model can be made of rig {found.rig.name}; leave "
+            f"--validation out."
+        )
     ending = path.suffix.casefold().removeprefix(".")
-    publish(validation_report(found, command=given_command()), **{ending: path}, force=outputs.force)
+    publish(
+        validation_report(found, command=given_command()), **{ending: path}, force=outputs.force
+    )
 
 
 def _linked_report(found: DiagnosisResult, html: Path | None) -> Report:
@@ -152,7 +175,11 @@ def _linked_report(found: DiagnosisResult, html: Path | None) -> Report:
     from winchcascade.report.results.diagnosis import diagnosis_report
 
     folder = Path() if html is None else html.parent
-    pages = [name for name in (CAMPAIGN_PAGE, INDEX) if (folder / name).is_file() and is_marked(folder / name)]
+    pages = [
+        name
+        for name in (CAMPAIGN_PAGE, INDEX)
+        if (folder / name).is_file() and is_marked(folder / name)
+    ]
     return replace(diagnosis_report(found, command=given_command()), links=links_to(pages))
 
 
@@ -176,7 +203,8 @@ def _prediction_files(folder: Path | None, logs: Sequence[Path]) -> dict[str, Pa
         first = by_name[log.stem.casefold()]
         if log.resolve() != first.resolve():
             raise OptionError(
-                f"--predictions {folder}: {first} and {log} would be predicted in one file; give the logs names of their own."
+                f"--predictions {folder}: {first} and {log} would be predicted in one file; give "
+                f"the logs names of their own."
             )
     for side in ("before", "after"):
         make_one(folder / side, "another")

@@ -1,4 +1,6 @@
-"""The entry point: it runs the command that is given, and reports what goes wrong in one sentence."""
+"""The entry point: it runs the command that is given, and reports what goes wrong in one
+sentence.
+"""
 
 from __future__ import annotations
 
@@ -14,16 +16,16 @@ _INTERRUPTED = 130
 """Exit code of an interrupt, by the custom of shells."""
 
 _OBJECTS = 100_000
-"""New objects after which Python searches for unused ones: imports make more, and searches among them took a tenth of the
-time of a page. Arrays are freed at once, without a search."""
+"""New objects after which Python searches for unused ones: imports make more, and searches among
+them took a tenth of the time of a page. Arrays are freed at once, without a search."""
 
 _KEEPS = {"batch", "blind", "demo"}
 """Commands that write each result as soon as it is finished; others write when all is done."""
 
 
 def run() -> None:
-    """Run the command line in a process of its own: its end is not delayed by a search for unused objects, which takes a tenth
-    of the time of `reduce`."""
+    """Run the command line in a process of its own: its end is not delayed by a search for unused
+    objects, which takes a tenth of the time of `reduce`."""
     try:
         main()
     finally:
@@ -47,7 +49,9 @@ def main() -> None:
         from winchcascade.report.screen import screen_of, use_screen
 
         use_screen(screen_of(sys.stdout))
-        from winchcascade.cli.app import command_line  # here, as it takes most of the start, which may be interrupted
+        from winchcascade.cli.app import (
+            command_line,
+        )  # here, as it takes most of the start, which may be interrupted
 
         code = command_line(sys.argv[1] if len(sys.argv) > 1 else None)(standalone_mode=False)
         sys.stdout.flush()
@@ -60,12 +64,17 @@ def main() -> None:
         sys.stderr.close()
         sys.exit(2)
     except OSError as fault:
-        if fault.errno is None:  # no error of the system: libraries derive some of their own from OSError
+        if (
+            fault.errno is None
+        ):  # no error of the system: libraries derive some of their own from OSError
             raise
         where = "standard output" if fault.filename is None else str(fault.filename)[:200]
         if fault.filename is None:  # the rest of its buffer must not fail again at the end
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        _exit_with(f"{where}: cannot be used ({fault.strerror}); check the path, its permissions and the space left.")
+        _exit_with(
+            f"{where}: cannot be used ({fault.strerror}); check the path, its permissions and the "
+            f"space left."
+        )
     except Exception as fault:
         _reject_usage(fault)
 
@@ -99,7 +108,9 @@ def _exit_with(sentence: str, *, code: int = 2) -> NoReturn:
 
 
 def _reject_usage(fault: Exception) -> NoReturn:
-    """Report a fault of the input, or of usage as typer found it; any other is one of this program and is shown whole."""
+    """Report a fault of the input, or of usage as typer found it; any other is one of this
+    program and is shown whole.
+    """
     from winchcascade.core.errors import WinchcascadeError
 
     if isinstance(fault, WinchcascadeError):
@@ -111,13 +122,19 @@ def _reject_usage(fault: Exception) -> NoReturn:
     if not fault.format_message().strip() or type(fault).__name__ == "NoArgsIsHelpError":
         fault.show()  # type: ignore[attr-defined]  # the help of a command that was given nothing
         sys.exit(2)
-    sentence = fault.format_message().rstrip(".").replace("not a valid float", "no number such as 4.5")
+    sentence = (
+        fault.format_message().rstrip(".").replace("not a valid float", "no number such as 4.5")
+    )
     sentence = sentence.replace("not a valid int range", "no whole number of the range")
-    _exit_with(f"{sentence}{'' if sentence.endswith('?') else ';'} --help lists what a command takes.")
+    _exit_with(
+        f"{sentence}{'' if sentence.endswith('?') else ';'} --help lists what a command takes."
+    )
 
 
 def _was_interrupted(fault: BaseException | None) -> bool:
-    """Whether a fault was made of an interrupt: Python, typer and other libraries wrap one, or trip over one, at work."""
+    """Whether a fault was made of an interrupt: Python, typer and other libraries wrap one, or
+    trip over one, at work.
+    """
     while fault is not None:
         if isinstance(fault, KeyboardInterrupt) or type(fault).__name__ == "Abort":
             return True

@@ -1,4 +1,6 @@
-"""How the help lists commands and groups options; it is plain text, as markup would take [ohm] out of a sentence."""
+"""How the help lists commands and groups options; it is plain text, as markup would take [ohm]
+out of a sentence.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +20,15 @@ class CommandList(TyperGroup):
     def format_commands(self, ctx: Context, formatter: HelpFormatter) -> None:
         """Write names and sentences."""
         found = {name: self.get_command(ctx, name) for name in self.list_commands(ctx)}
-        helps = {name: " ".join((command.help or "").split()) for name, command in found.items() if command is not None}
+        helps = {
+            name: " ".join((command.help or "").split())
+            for name, command in found.items()
+            if command is not None
+        }
         with formatter.section("Commands"):
-            formatter.write_dl([(name, f"{text.split('. ')[0].rstrip('.')}.") for name, text in helps.items()])
+            formatter.write_dl(
+                [(name, f"{text.split('. ')[0].rstrip('.')}.") for name, text in helps.items()]
+            )
 
 
 class GroupedCommand(TyperCommand):

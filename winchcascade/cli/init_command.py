@@ -13,13 +13,19 @@ from winchcascade.core.plain_text import one_line
 
 @with_options(
     folder=argument("FOLDER", "The folder that holds the logs."),
-    write=option("--write", "", "Write the drafts into the folder; a file that is there stays as it is.", OUTPUTS),
+    write=option(
+        "--write",
+        "",
+        "Write the drafts into the folder; a file that is there stays as it is.",
+        OUTPUTS,
+    ),
 )
 def init_command(folder: Path, rig: str | None = None, write: bool = False) -> None:
     """Draft campaign.toml and rig.toml from the logs of a folder.
 
-    Loads come from properties, columns, file names and currents, the order from the clocks. What is not certain stands as a
-    comment with its reason, as do all numbers of the rig that a diagnosis needs. A rig.toml in the folder is used as it is.
+    Loads come from properties, columns, file names and currents, the order from the clocks. What is
+    not certain stands as a comment with its reason, as do all numbers of the rig that a diagnosis
+    needs. A rig.toml in the folder is used as it is.
     """
     from winchcascade.batch.draft_folder import draft_folder, write_drafts
 

@@ -48,8 +48,9 @@ def simulate_command(
 ) -> None:
     """Simulate the rig along a line motion, and write what its sensors would have logged.
 
-    The printed energies are those of the whole motion, up to the instant at which the energy of the line is largest. The
-    simulated log keeps the load. Errors of sensors that a corrected rig file states are left out, unless --sensors is given.
+    The printed energies are those of the whole motion, up to the instant at which the energy of the
+    line is largest. The simulated log keeps the load. Errors of sensors that a corrected rig file
+    states are left out, unless --sensors is given.
     """
     from winchcascade.ingest.read import read_by
     from winchcascade.report.results.simulation import simulation_report
@@ -66,7 +67,9 @@ def simulate_command(
     settings = settings_of(source, rig=rig, load_ohm=load_ohm, window=None, sheet=sheet)
     run = read_by(source, settings)
     if run.load is None:
-        raise OptionError(f"{run.name}: its load is unknown; give --load-ohm OHM, inf for an open circuit.")
+        raise OptionError(
+            f"{run.name}: its load is unknown; give --load-ohm OHM, inf for an open circuit."
+        )
     model = _model(settings.rig, effects or [], run, sensors=sensors)
     simulation = simulate(run, model)
     write_log(simulation, out, force=outputs.force)
@@ -84,16 +87,24 @@ def simulate_command(
 
 
 def _model(rig: Rig, effects: Sequence[str], run: Run, *, sensors: bool) -> Model:
-    """Model of a rig with the effects of `--with` options, and with the errors of its sensors where they are wanted."""
+    """Model of a rig with the effects of `--with` options, and with the errors of its sensors
+    where they are wanted.
+    """
     from winchcascade.core.scales import motion_of_runs, scales_of
     from winchcascade.rig.baseline import baseline, missing_part
     from winchcascade.rig.effects.catalogue import make_effect
 
-    model, scales = baseline(rig) if sensors else baseline(rig).physics, scales_of(rig, motion_of_runs([run]))
+    model, scales = (
+        baseline(rig) if sensors else baseline(rig).physics,
+        scales_of(rig, motion_of_runs([run])),
+    )
     for name, fields in _fields(effects).items():
         effect = make_effect(name, fields, scales)
         if part := missing_part(effect.effect, rig):
-            raise OptionError(f"--with {name}: rig {rig.name} has no {part}, which this effect acts on; leave it out.")
+            raise OptionError(
+                f"--with {name}: rig {rig.name} has no {part}, which this effect acts on; leave "
+                f"it out."
+            )
         model = effect.apply(model)
     return model
 
@@ -106,7 +117,8 @@ def _fields(options: Sequence[str]) -> dict[str, dict[str, float]]:
         name, _, field = place.partition(".")
         if not field or math.isnan(value):
             raise OptionError(
-                f"--with {given}: expected EFFECT.FIELD=VALUE, such as gear_mesh_loss.efficiency_change=-0.03."
+                f"--with {given}: expected EFFECT.FIELD=VALUE, such as "
+                f"gear_mesh_loss.efficiency_change=-0.03."
             )
         fields.setdefault(name, {})[field] = value
     return fields
@@ -126,12 +138,18 @@ def calibrate_command(
     sheet: str | None = None,
     outputs: Outputs = NO_OUTPUTS,
 ) -> None:
-    """Calibrate a rig by a run in open circuit: back-EMF constant, damper and screw friction, with their uncertainty."""
+    """Calibrate a rig by a run in open circuit: back-EMF constant, damper and screw friction,
+    with their uncertainty.
+    """
     one_thread_each()
     from winchcascade.diagnosis.handover.calibrate import calibrate
     from winchcascade.diagnosis.handover.rig_text import calibrated_text
     from winchcascade.ingest.read import read_by
-    from winchcascade.report.results.calibration import calibration_record, calibration_report, drawn_calibration
+    from winchcascade.report.results.calibration import (
+        calibration_record,
+        calibration_report,
+        drawn_calibration,
+    )
 
     check_load(load_ohm)
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=None, sheet=sheet)
@@ -149,7 +167,9 @@ def calibrate_command(
     )
 
 
-@with_options(name=argument("[NAME]", "The effect to describe; without it all are listed.", effect_names))
+@with_options(
+    name=argument("[NAME]", "The effect to describe; without it all are listed.", effect_names)
+)
 def effects_command(name: str | None = None) -> None:
     """List the effects that the model of a rig leaves out, or describe one of them in full."""
     from winchcascade.report.results.effects import effects_report
@@ -160,12 +180,18 @@ def effects_command(name: str | None = None) -> None:
 @with_options(
     "export",
     name=argument(
-        "[NAME]", "The built-in rig, hsu2026 (the default) or kitepower; with --export also a rig file.", RIGS
+        "[NAME]",
+        "The built-in rig, hsu2026 (the default) or kitepower; with --export also a rig file.",
+        RIGS,
     ),
-    export=option("--export", "FILE", "Write the model of the rig as an .fmu for other simulators.", OUTPUTS),
+    export=option(
+        "--export", "FILE", "Write the model of the rig as an .fmu for other simulators.", OUTPUTS
+    ),
 )
 def rig_command(name: str | None = None, outputs: Outputs = NO_OUTPUTS) -> None:
-    """Print a built-in rig file, as a start for your own, or write the model of a rig for other simulators."""
+    """Print a built-in rig file, as a start for your own, or write the model of a rig for other
+    simulators.
+    """
     from winchcascade.core.rig_toml import DEFAULT_RIG, built_in_text
 
     path = outputs["export"]

@@ -1,4 +1,6 @@
-"""Files that a command writes, and the one function that presents its result: terminal text, JSON, report, list of files."""
+"""Files that a command writes, and the one function that presents its result: terminal text,
+JSON, report, list of files.
+"""
 
 from __future__ import annotations
 
@@ -29,11 +31,15 @@ _FOLDERS = {"parquet", "predictions"}
 """Options that name a folder whose files are checked one by one."""
 
 _TOGETHER = {"figures", "tables"}
-"""Folders that may be one and the same, and may hold other files: each file is checked as it is written."""
+"""Folders that may be one and the same, and may hold other files: each file is checked as it is
+written.
+"""
 
 
 class Outputs(msgspec.Struct, frozen=True):
-    """Files and folders that a command writes, by the names of their options; only those that are wanted."""
+    """Files and folders that a command writes, by the names of their options; only those that
+    are wanted.
+    """
 
     paths: dict[str, Path] = {}
     force: bool = False
@@ -49,10 +55,13 @@ class Outputs(msgspec.Struct, frozen=True):
 
     def without(self, name: str) -> Outputs:
         """These files but that of one option."""
-        return Outputs({option: path for option, path in self.paths.items() if option != name}, self.force)
+        return Outputs(
+            {option: path for option, path in self.paths.items() if option != name}, self.force
+        )
 
     def check(self, inputs: Iterable[str | Path | None], more: Mapping[str, Path] = {}) -> None:
-        """Reject, before any work, a file that a result must not replace, and two results of one name.
+        """Reject, before any work, a file that a result must not replace, and two results of one
+        name.
 
         Parameters
         ----------
@@ -74,12 +83,17 @@ class Outputs(msgspec.Struct, frozen=True):
                 raise OptionError(f"{option} {path}: expected the name of a file.")
             other = taken.setdefault(Path(os.path.realpath(path)), name)
             if other != name and not {name, other} <= _TOGETHER:
-                raise OptionError(f"--{other} and {option} both name {path}; give each a name of its own.")
+                raise OptionError(
+                    f"--{other} and {option} both name {path}; give each a name of its own."
+                )
             if name in _TOGETHER:
                 make_one(path, "another")
             elif name not in _FOLDERS:
                 if path.exists() and any(source.samefile(path) for source in sources):
-                    raise OptionError(f"{option} {path}: is an input of this command; give the result another name.")
+                    raise OptionError(
+                        f"{option} {path}: is an input of this command; give the result another "
+                        f"name."
+                    )
                 check_replaceable(path, force=self.force)
 
 
@@ -97,7 +111,8 @@ def present(
     failed: Callable[[], Report] | None = None,
     notes: Iterable[str | Path] = (),
 ) -> None:
-    """Write the report and the JSON of a result as far as they are wanted, print its text, and list the files.
+    """Write the report and the JSON of a result as far as they are wanted, print its text, and list
+    the files.
 
     With JSON on standard output nothing else is printed; with --quiet only what failed.
 
@@ -128,7 +143,9 @@ def present(
 
 
 def _write_report_files(make: Callable[[], Report], outputs: Outputs, name: str) -> Report | None:
-    """Write the page, the PDF, the figures and the tables of a report as far as they are wanted, and give the report."""
+    """Write the page, the PDF, the figures and the tables of a report as far as they are wanted,
+    and give the report.
+    """
     if outputs.paths.keys().isdisjoint(REPORT):
         return None
     from winchcascade.report.render.folders import write_figures, write_tables
@@ -141,7 +158,10 @@ def _write_report_files(make: Callable[[], Report], outputs: Outputs, name: str)
             if ending in outputs.paths:
                 on_progress(f"writing {outputs.paths[ending].name}")
                 publish(report, **{ending: outputs.paths[ending]}, force=outputs.force)
-        for folder, write in ((outputs["figures"], write_figures), (outputs["tables"], write_tables)):
+        for folder, write in (
+            (outputs["figures"], write_figures),
+            (outputs["tables"], write_tables),
+        ):
             if folder is not None:
                 on_progress(f"writing files into {folder.name}")
                 write(report, folder, name, force=outputs.force)
@@ -149,7 +169,8 @@ def _write_report_files(make: Callable[[], Report], outputs: Outputs, name: str)
 
 
 def show(text: str, *, failures: str = "", file: TextIO | None = None) -> None:
-    """Print lines without control characters and commands to a runner of GitHub: names from files may hold any text.
+    """Print lines without control characters and commands to a runner of GitHub: names from files
+    may hold any text.
 
     Parameters
     ----------

@@ -33,9 +33,11 @@ def reduce_command(
     repairs: Repairs = "on",
     outputs: Outputs = NO_OUTPUTS,
 ) -> None:
-    """Reduce one log to its cycles with their energies and efficiencies, and list the faults of the log.
+    """Reduce one log to its cycles with their energies and efficiencies, and list the faults of the
+    log.
 
-    If a campaign.toml in the folder of the log lists it, that file gives what the options leave open.
+    If a campaign.toml in the folder of the log lists it, that file gives what the options leave
+    open.
     """
     from winchcascade.ingest.read import read_by
     from winchcascade.reduction.reduce import reduce, require_payouts, window_rule
@@ -55,7 +57,9 @@ def reduce_command(
     reduction = reduce(read_by(log, replace(settings, repairs=repairs)))
     require_payouts(reduction)
     mapped = (
-        None if outputs["loss_map"] is None else _write_loss_map(reduction, outputs["loss_map"], force=outputs.force)
+        None
+        if outputs["loss_map"] is None
+        else _write_loss_map(reduction, outputs["loss_map"], force=outputs.force)
     )
     if outputs["parquet"] is not None:
         from winchcascade.report.flat_rows import write_parquet
@@ -84,7 +88,9 @@ def _stated(reduction: Reduction, found: Uncertainty, mapped: LossMap | None) ->
     from winchcascade.report.results.loss_map_report import loss_map_section
     from winchcascade.report.results.reduction import reduction_report
 
-    return reduction_report(reduction, found, more={} if mapped is None else {"loss-map": loss_map_section(mapped)})
+    return reduction_report(
+        reduction, found, more={} if mapped is None else {"loss-map": loss_map_section(mapped)}
+    )
 
 
 def _drawn(reduction: Reduction, found: Uncertainty, mapped: LossMap | None) -> Report:

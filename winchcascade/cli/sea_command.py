@@ -22,24 +22,33 @@ if TYPE_CHECKING:
     "json",
     *REPORT,
     "csv",
-    source=argument("CAMPAIGN|DIAGNOSIS.json", "The campaign, which is diagnosed first, or the JSON of its diagnosis."),
+    source=argument("CAMPAIGN|DIAGNOSIS.json", "The campaign, which is diagnosed first, or the "
+                                               "JSON of its diagnosis."),
     hs=option("--hs", "M,...", "Significant wave heights [m]; each is taken with each period.", INPUT),
     tp=option("--tp", "S,...", "Peak periods [s].", INPUT),
     scatter=option("--scatter", "FILE", "A table of hs_m, tp_s and hours_per_year instead.", INPUT),
-    motion=option("--motion", "LOG", "A log of the surface or the line instead: displacement or velocity over time.", INPUT),
-    float_=option("--float", "FILE", "What moves the line: a response (CSV), or coefficients by Capytaine or BEMIO.", INPUT),
-    gamma=option("--gamma", "X", "Peak enhancement of JONSWAP, 3.3 by default; 1 is Pierson-Moskowitz.", EVALUATION),
+    motion=option("--motion", "LOG", "A log of the surface or the line instead: displacement or "
+                                     "velocity over time.", INPUT),
+    float_=option("--float", "FILE", "What moves the line: a response (CSV), or coefficients by "
+                                     "Capytaine or BEMIO.", INPUT),
+    gamma=option("--gamma", "X", "Peak enhancement of JONSWAP, 3.3 by default; 1 is "
+                                 "Pierson-Moskowitz.", EVALUATION),
     bins=option("--bins", "M,S", "Bins of a scatter table; 0.5,1 by default.", EVALUATION),
-    froude=option("--froude", "X", "Scale of the seas over that of the rig, by Froude's law; 1 by default.", EVALUATION),
+    froude=option("--froude", "X", "Scale of the seas over that of the rig, by Froude's law; 1 by "
+                                   "default.", EVALUATION),
     minutes=option("--minutes", "MIN", "Length of each sea [min]; 20 by default.", EVALUATION),
-    payout=option("--payout", "M", "Payout in still water [m]; by default half of a usual one of the logs.", EVALUATION),
-    load=option("--load", "OHM", "Load of all seas [ohm]; by default the best one for their energy.", EVALUATION),
-    compare=option("--compare", "", "Compare with the best load of each sea and the schedule of `design`.", EVALUATION),
+    payout=option("--payout", "M", "Payout in still water [m]; by default half of a usual one of "
+                                   "the logs.", EVALUATION),
+    load=option("--load", "OHM", "Load of all seas [ohm]; by default the best one for their "
+                                 "energy.", EVALUATION),
+    compare=option("--compare", "", "Compare with the best load of each sea and the schedule of "
+                                    "`design`.", EVALUATION),
     draws=option("--draws", "N", "Draw N rigs for the bands; 40 by default.", EVALUATION, minimum=0),
     current_limit=option("--current-limit", "A", "Largest stator current, rms [A].", EVALUATION),
     speed_limit=option("--speed-limit", "RPM", "Largest speed of the generator [rpm].", EVALUATION),
     tension_limit=option("--tension-limit", "N", "Largest line tension [N].", EVALUATION),
-    csv=option("--csv", "FILE", "Write the mean power of each sea with its band, domain and verdict.", OUTPUTS),
+    csv=option("--csv", "FILE", "Write the mean power of each sea with its band, domain and "
+                                "verdict.", OUTPUTS),
 )  # fmt: skip
 def sea_command(
     source: Path,
@@ -64,10 +73,12 @@ def sea_command(
     threads: int | None = None,
     outputs: Outputs = NO_OUTPUTS,
 ) -> None:
-    """Put the corrected rig under irregular waves: mean power of each sea, energy of a year, losses, peaks.
+    """Put the corrected rig under irregular waves: mean power of each sea, energy of a year,
+    losses, peaks.
 
-    The line follows the surface, unless --float is given. Every value has a 95 % interval; motions that the logs do not cover
-    and seas over a limit are flagged. A diagnosis whose gap is unexplained is rejected, unless --force is given.
+    The line follows the surface, unless --float is given. Every value has a 95 % interval; motions
+    that the logs do not cover and seas over a limit are flagged. A diagnosis whose gap is
+    unexplained is rejected, unless --force is given.
     """
     one_thread_each()
     from winchcascade.batch.campaign_design import corrected_by
@@ -105,11 +116,20 @@ def sea_command(
         )  # fmt: skip
     if outputs["csv"] is not None:
         write_content(outputs["csv"], sea_csv(found), force=outputs.force)
-    present(lambda: sea_report(found, command=given_command()), outputs, record=lambda: sea_record(found), name="sea")
+    present(
+        lambda: sea_report(found, command=given_command()),
+        outputs,
+        record=lambda: sea_record(found),
+        name="sea",
+    )
 
 
-def _schedule(posterior: RigPosterior, tested: Tested, limits: Mapping[str, float]) -> Control | None:
-    """The schedule of `design` for most power within limits, by their names; None where it has no load."""
+def _schedule(
+    posterior: RigPosterior, tested: Tested, limits: Mapping[str, float]
+) -> Control | None:
+    """The schedule of `design` for most power within limits, by their names; None where it has
+    no load.
+    """
     from winchcascade.design.design import Limits, design
     from winchcascade.sea.in_sea import scheduled
 

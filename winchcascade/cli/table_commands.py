@@ -9,7 +9,15 @@ from pathlib import Path
 import typer
 
 from winchcascade.cli.options import named_number, with_options
-from winchcascade.cli.outputs import NO_OUTPUTS, STDOUT, Outputs, given_command, present, show, show_commands
+from winchcascade.cli.outputs import (
+    NO_OUTPUTS,
+    STDOUT,
+    Outputs,
+    given_command,
+    present,
+    show,
+    show_commands,
+)
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import write_content
 
@@ -24,10 +32,11 @@ def check_command(
     outputs: Outputs = NO_OUTPUTS,
     github: bool = False,
 ) -> None:
-    """Compare results with a published table, cell by cell. The exit code is 1 if a cell does not agree.
+    """Compare results with a published table, cell by cell. The exit code is 1 if a cell does not
+    agree.
 
-    A cell agrees if the difference is within the sum of rounding, largest deviation of the cycles and two standard
-    uncertainties of the sensors. With --same-logs, rounding alone is allowed.
+    A cell agrees if the difference is within the sum of rounding, largest deviation of the cycles
+    and two standard uncertainties of the sensors. With --same-logs, rounding alone is allowed.
     """
     from winchcascade.batch.results import check_results, input_files, load_results
     from winchcascade.core.jobs import processes
@@ -38,15 +47,20 @@ def check_command(
 
     if same_logs and tolerance:
         raise OptionError(
-            f"--tolerance {tolerance[0]}: changes a tolerance, and with --same-logs rounding alone is allowed; expected one of "
+            f"--tolerance {tolerance[0]}: changes a tolerance, and with --same-logs rounding "
+            f"alone is allowed; expected one of "
             "the two options."
         )
-    factors, table = SAME_LOGS if same_logs else Factors(**_factors(tolerance or [])), load_table(against)
+    factors, table = (
+        SAME_LOGS if same_logs else Factors(**_factors(tolerance or [])),
+        load_table(against),
+    )
     outputs.check([against, table.csv or None, *input_files(results)])
     found = load_results(results, jobs=jobs or processes())
     if not found.verified:
         show(
-            f"{results}: has no digests, as version 0.1.0 wrote results, so that it cannot be verified; run the batch again.\n",
+            f"{results}: has no digests, as version 0.1.0 wrote results, so that it cannot be "
+            f"verified; run the batch again.\n",
             file=sys.stderr,
         )
     outcome = check_results(found, table, factors)
@@ -72,18 +86,22 @@ def _factors(options: Sequence[str]) -> dict[str, float]:
         name, value = named_number(option)
         if name not in ("rounding", "deviation", "uncertainty") or not 0 <= value < 1e6:
             raise OptionError(
-                f"--tolerance {option}: expected rounding, deviation or uncertainty and a factor, such as uncertainty=1.5."
+                f"--tolerance {option}: expected rounding, deviation or uncertainty and a factor, "
+                f"such as uncertainty=1.5."
             )
         factors[name] = value
     return factors
 
 
 @with_options("json", "html", "pdf", "tables")
-def audit_command(table: str, rig: str | None = None, physics: bool = False, outputs: Outputs = NO_OUTPUTS) -> None:
-    """Check a published table and its text for contradictions, without any log. The exit code is 1 if there is one.
+def audit_command(
+    table: str, rig: str | None = None, physics: bool = False, outputs: Outputs = NO_OUTPUTS
+) -> None:
+    """Check a published table and its text for contradictions, without any log. The exit code is 1
+    if there is one.
 
-    With --physics, the result lists the efficiencies that the model of the rig can reach, and the effects that could explain a
-    difference.
+    With --physics, the result lists the efficiencies that the model of the rig can reach, and the
+    effects that could explain a difference.
     """
     from winchcascade.report.results.audit_record import audit_record
     from winchcascade.report.results.audits import audit_report, failed_audit
@@ -92,7 +110,9 @@ def audit_command(table: str, rig: str | None = None, physics: bool = False, out
     from winchcascade.tables.table_file import load_table
 
     if rig is not None and not physics:
-        raise OptionError(f"--rig {rig}: is of use with --physics alone; add that, or leave the rig out.")
+        raise OptionError(
+            f"--rig {rig}: is of use with --physics alone; add that, or leave the rig out."
+        )
     outputs.check([table, rig])
     opened = load_table(table)
     if physics and opened.by_load:

@@ -1,4 +1,6 @@
-"""Compare the reduced logs of two sides: match their runs, subtract their means, and note what limits the comparison."""
+"""Compare the reduced logs of two sides: match their runs, subtract their means, and note what
+limits the comparison.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,12 @@ from msgspec.structs import replace
 
 from winchcascade.comparison.comparability import comparison_notes
 from winchcascade.comparison.compared_run import ComparedRun, CompareError
-from winchcascade.comparison.comparison_result import ComparedSide, Comparison, MatchedBy, MatchedRuns
+from winchcascade.comparison.comparison_result import (
+    ComparedSide,
+    Comparison,
+    MatchedBy,
+    MatchedRuns,
+)
 from winchcascade.comparison.differences import difference, shared_gains
 from winchcascade.core.plain_text import first_of
 from winchcascade.core.quantity import load_text, same_load
@@ -18,12 +25,14 @@ LISTED = 8
 
 
 def compare_sides(a: ComparedSide, b: ComparedSide, *, same_sensors: bool = False) -> Comparison:
-    """Compare two sides: differences B - A of all metrics that both have, run by run, with 95 % intervals.
+    """Compare two sides: differences B - A of all metrics that both have, run by run, with 95 %
+    intervals.
 
     Parameters
     ----------
-    same_sensors : the same sensors, and the same drum, measured both sides: the errors of their gains are common and cancel
-        as far as they change both means alike. Without it all sensors of A are independent of those of B.
+    same_sensors : the same sensors, and the same drum, measured both sides: the errors of their
+        gains are common and cancel as far as they change both means alike. Without it all sensors
+        of A are independent of those of B.
 
     Raises
     ------
@@ -35,12 +44,18 @@ def compare_sides(a: ComparedSide, b: ComparedSide, *, same_sensors: bool = Fals
     shared = sharable if same_sensors else frozenset()
     metrics = _common_metrics(a, b)
     with_differences = tuple(
-        replace(runs, differences=tuple(d for m in metrics if (d := difference(m, runs.a, runs.b, shared=shared))))
+        replace(
+            runs,
+            differences=tuple(
+                d for m in metrics if (d := difference(m, runs.a, runs.b, shared=shared))
+            ),
+        )
         for runs in matched
     )
     if not any(runs.differences for runs in with_differences):
         raise CompareError(
-            f"{a.name} and {b.name} have matching runs without a metric in common; expected an energy that both sides have. "
+            f"{a.name} and {b.name} have matching runs without a metric in common; expected an "
+            f"energy that both sides have. "
             "Check the stages of the rig files and the findings of the logs."
         )
     ours, theirs = ({id(run) for run in side} for side in (of_a, of_b))
@@ -67,14 +82,18 @@ def _common_metrics(a: ComparedSide, b: ComparedSide) -> tuple[str, ...]:
 
 def _overall(a: ComparedSide, b: ComparedSide) -> str | None:
     """Efficiency of the whole cascade, where all logs have the same one."""
-    names = {run.cascade.overall if len(run.cascade.stages) > 1 else None for run in (*a.runs, *b.runs)}
+    names = {
+        run.cascade.overall if len(run.cascade.stages) > 1 else None for run in (*a.runs, *b.runs)
+    }
     return names.pop() if len(names) == 1 else None
 
 
 def match_runs(a: ComparedSide, b: ComparedSide) -> tuple[tuple[MatchedRuns, ...], MatchedBy]:
-    """Match the logs of both sides, the repeats of one load together; in falling order of loads, names last.
+    """Match the logs of both sides, the repeats of one load together; in falling order of loads,
+    names last.
 
-    Two single logs without a load and with different names belong together: they were named as the two to be compared.
+    Two single logs without a load and with different names belong together: they were named as the
+    two to be compared.
 
     Raises
     ------
@@ -91,7 +110,8 @@ def match_runs(a: ComparedSide, b: ComparedSide) -> tuple[tuple[MatchedRuns, ...
     if not found:
         sides = " and ".join(f"{side.name} has {_listed(side.runs)}" for side in (a, b))
         raise CompareError(
-            f"no runs match: {sides}; expected a load in common. A log without a load is matched by its file name; state "
+            f"no runs match: {sides}; expected a load in common. A log without a load is matched "
+            f"by its file name; state "
             "loads by load_ohm in campaign.toml or --load-ohm of reduce."
         )
     by_load = [runs.load is not None for runs in found]

@@ -1,4 +1,6 @@
-"""What a comparison needs of one reduced log, read from its JSON: means, cycles, and the sources of their uncertainty."""
+"""What a comparison needs of one reduced log, read from its JSON: means, cycles, and the sources
+of their uncertainty.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +24,9 @@ class CompareError(WinchcascadeError):
 
 
 class Gain(msgspec.Struct, frozen=True):
-    """Error of a sensor, or of the drum radius, that is the same in all logs of a side: its standard uncertainty, and what it
-    contributes to each mean. A gain may be `sharable` by both sides; a zero may be set anew between them.
+    """Error of a sensor, or of the drum radius, that is the same in all logs of a side: its
+    standard uncertainty, and what it contributes to each mean. A gain may be `sharable` by both
+    sides; a zero may be set anew between them.
     """
 
     u: float
@@ -41,12 +44,14 @@ class ComparedRun(msgspec.Struct, frozen=True):
     simulated : whether `simulate` made the log: no sensor's error acts on it
     window : rule or length of the integration windows [s]
     cycles_from : source of the cycles by [phases] of the rig file
-    window_length, speed : means over the complete cycles: window [s] and plateau of the payout [m/s]
+    window_length, speed : means over the complete cycles: window [s] and plateau of the payout
+        [m/s]
     cycles : values of each metric in the complete cycles that have it
     repeats : whether the cycles repeat each other, so that their scatter shows the repeatability
-    sensors : standard uncertainty of each mean by the errors of the sensors; None where it is not known
-    gains : by sensor, their errors that are the same in all logs of the same sensors; a zero that only the accuracy of a sensor
-        limits has an entry of its own
+    sensors : standard uncertainty of each mean by the errors of the sensors; None where it is not
+        known
+    gains : by sensor, their errors that are the same in all logs of the same sensors; a zero that
+        only the accuracy of a sensor limits has an entry of its own
     split : metrics whose contributions are known by source
     measures : channels with an error that each energy depends on
     unknown : channels without a stated accuracy
@@ -78,7 +83,9 @@ class ComparedRun(msgspec.Struct, frozen=True):
     formulas: Mapping[str, str | None]
 
     def rest(self, metric: str) -> float:
-        """Standard uncertainty of a mean by what is of this log alone: calibrated zeros, sampling and bridged gaps."""
+        """Standard uncertainty of a mean by what is of this log alone: calibrated zeros,
+        sampling and bridged gaps.
+        """
         gains = sum(gain.of.get(metric, 0.0) ** 2 for gain in self.gains.values())
         return math.sqrt(max((self.sensors[metric] or 0.0) ** 2 - gains, 0.0))
 
@@ -100,7 +107,8 @@ def compared_run(record: RunRecord, where: str) -> ComparedRun:
     sensors = _sensors(_of(record, "standard_uncertainty", metrics), cycles if repeats else {})
     return ComparedRun(
         name=where,
-        file=PurePath(log.path).name.partition(".")[0] + ("" if log.table is None else f" {log.table}"),
+        file=PurePath(log.path).name.partition(".")[0]
+        + ("" if log.table is None else f" {log.table}"),
         load=math.inf if log.open_circuit else log.load_ohm,
         digest=log.sha256,
         rig=record.rig_name,
@@ -118,7 +126,11 @@ def compared_run(record: RunRecord, where: str) -> ComparedRun:
         repeats=repeats,
         sensors=dict.fromkeys(metrics, 0.0) if simulated else sensors,
         gains={} if simulated else _gains(parts, metrics, sensors),
-        split=frozenset(m for m, name in metrics.items() if any(name in row.contribution for row in parts.budget)),
+        split=frozenset(
+            m
+            for m, name in metrics.items()
+            if any(name in row.contribution for row in parts.budget)
+        ),
         measures=_measures(parts, cascade),
         unknown=frozenset(parts.without_accuracy),
         formulas=record.stages.power if record.stages else {},
@@ -131,14 +143,17 @@ def _of(record: RunRecord, part: str, metrics: Mapping[str, str]) -> Numbers:
     return {m: values.get(name) for m, name in metrics.items()}
 
 
-def _cycles(cycles: Sequence[CycleRecord], metrics: Mapping[str, str]) -> dict[str, tuple[float, ...]]:
+def _cycles(
+    cycles: Sequence[CycleRecord], metrics: Mapping[str, str]
+) -> dict[str, tuple[float, ...]]:
     """Values of each metric in the complete cycles that have it."""
     columns = {m: [cycle.numbers.get(name) for cycle in cycles] for m, name in metrics.items()}
     return {m: tuple(x for x in column if x is not None) for m, column in columns.items()}
 
 
 def _sensors(stated: Numbers, cycles: Mapping[str, Sequence[float]]) -> Numbers:
-    """Part of stated standard uncertainties that the sensors' errors make: they and the scatter of cycles, in squares.
+    """Part of stated standard uncertainties that the sensors' errors make: they and the scatter of
+    cycles, in squares.
 
     Parameters
     ----------
@@ -165,10 +180,11 @@ def scatter_of(values: Sequence[float]) -> float:
 def _gains(
     parts: UncertaintyRecord, metrics: Mapping[str, str], sensors: Mapping[str, float | None]
 ) -> dict[str, Gain]:
-    """Gains by sensor, that of its acquisition system with it; scaled where a Monte Carlo states more than the budget.
+    """Gains by sensor, that of its acquisition system with it; scaled where a Monte Carlo states
+    more than the budget.
 
-    A zero that is calibrated in place is one of each log. One that an accuracy limits may be the whole limit in every log: no
-    number of logs averages it out.
+    A zero that is calibrated in place is one of each log. One that an accuracy limits may be the
+    whole limit in every log: no number of logs averages it out.
     """
     found: dict[str, Gain] = {}
     for row in parts.budget:
@@ -181,15 +197,21 @@ def _gains(
         for metric, name in metrics.items():
             linear, stated = parts.sensors.get(name), sensors[metric]
             scale = stated / linear if linear and stated else 1.0
-            of[metric] = math.hypot(before.of.get(metric, 0.0), scale * (row.contribution.get(name) or 0.0))
-        found[error] = Gain(math.hypot(before.u, row.standard_uncertainty or 0.0), of, sharable=not by_accuracy)
+            of[metric] = math.hypot(
+                before.of.get(metric, 0.0), scale * (row.contribution.get(name) or 0.0)
+            )
+        found[error] = Gain(
+            math.hypot(before.u, row.standard_uncertainty or 0.0), of, sharable=not by_accuracy
+        )
     return found
 
 
 def _measures(parts: UncertaintyRecord, cascade: Cascade) -> dict[str, frozenset[str]]:
     """Channels, and the drum radius, whose errors act on each energy of a window."""
     return {
-        m: frozenset(row.source for row in parts.budget if row.part and row.contribution.get(field_of(m)))
+        m: frozenset(
+            row.source for row in parts.budget if row.part and row.contribution.get(field_of(m))
+        )
         - {SAMPLING, TIMING}
         for m in cascade.energies
     }

@@ -1,4 +1,6 @@
-"""The result of a comparison: runs that two sides have in common, their differences, and what limits them."""
+"""The result of a comparison: runs that two sides have in common, their differences, and what
+limits them.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ MatchedBy = Literal["load", "file", "load_and_file", "only_log"]
 
 
 class ComparisonNote(msgspec.Struct, frozen=True):
-    """What limits a comparison, with the runs that it concerns, and for each of them what is found there where runs differ."""
+    """What limits a comparison, with the runs that it concerns, and for each of them what is
+    found there where runs differ.
+    """
 
     kind: NoteKind
     message: str
@@ -41,7 +45,8 @@ class ComparedSide(msgspec.Struct, frozen=True):
 
 
 class MatchedRuns(msgspec.Struct, frozen=True):
-    """Logs of both sides with one load, or with one name where loads are absent, and the differences of their means.
+    """Logs of both sides with one load, or with one name where loads are absent, and the
+    differences of their means.
 
     `label` is the load or the name as a text.
     """
@@ -66,7 +71,8 @@ class Comparison(Viewed, frozen=True):
     shared : sensors whose gains are shared; empty without `same_sensors`
     matched_by : how runs were matched
     metrics : those that both sides have, in the order of their cascade
-    overall : efficiency of the whole cascade, None where the sides have no such efficiency in common
+    overall : efficiency of the whole cascade, None where the sides have no such efficiency in
+        common
     alone_a, alone_b : runs without a partner
     """
 

@@ -1,4 +1,5 @@
-"""Difference of the means of two sides with its 95 % interval, by the GUM (JCGM 100:2008, 5.2 and G.4).
+"""Difference of the means of two sides with its 95 % interval, by the GUM (JCGM 100:2008, 5.2 and
+G.4).
 
 A side is one log, or the repeats of one load. Its uncertainty has three parts:
 
@@ -7,10 +8,11 @@ A side is one log, or the repeats of one load. Its uncertainty has three parts:
 - gains of the sensors (type B), the same in all logs of a side;
 - zeros, sampling and bridged gaps (type B), of each log alone.
 
-The parts of both sides add in squares, but for gains that both sides share: these change both means alike, so that their
-contributions are subtracted before they are squared (GUM 5.2.2 with a correlation of 1). The interval is t times the combined
-standard uncertainty; its effective degrees of freedom follow from those of the scatters, as parts of type B have infinitely
-many (Welch and Satterthwaite, GUM G.4.1).
+The parts of both sides add in squares, but for gains that both sides share: these change both means
+alike, so that their contributions are subtracted before they are squared (GUM 5.2.2 with a
+correlation of 1). The interval is t times the combined standard uncertainty; its effective degrees
+of freedom follow from those of the scatters, as parts of type B have infinitely many (Welch and
+Satterthwaite, GUM G.4.1).
 """
 
 from __future__ import annotations
@@ -36,13 +38,14 @@ WRITTEN = {
 
 
 class Difference(msgspec.Struct, frozen=True, rename=WRITTEN):
-    """Difference B - A of the means of one metric, in its SI unit; its fields are those of the JSON.
+    """Difference B - A of the means of one metric, in its SI unit; its fields are those of the
+    JSON.
 
     Parameters
     ----------
     value, relative : B - A, and as a share of A; None where A is zero
-    uncertainty, freedom, interval : of scatter and sensors together; `freedom` is inf where no scatter counts; None with
-        `sensors`
+    uncertainty, freedom, interval : of scatter and sensors together; `freedom` is inf where no
+        scatter counts; None with `sensors`
     excludes_zero : whether the 95 % interval excludes no difference; None without an interval
     repeatability : standard uncertainty by the scatter of cycles; None where neither side shows it
     sensors : standard uncertainty by the errors of sensors; None where an accuracy is unknown
@@ -66,7 +69,9 @@ class Difference(msgspec.Struct, frozen=True, rename=WRITTEN):
 
 
 class _Side(msgspec.Struct, frozen=True):
-    """Mean of one metric over the logs of a side, and the parts of its uncertainty; `gains` are signed, by error."""
+    """Mean of one metric over the logs of a side, and the parts of its uncertainty; `gains` are
+    signed, by error.
+    """
 
     mean: float
     cycles: int
@@ -77,7 +82,11 @@ class _Side(msgspec.Struct, frozen=True):
 
 
 def difference(
-    metric: str, a: Sequence[ComparedRun], b: Sequence[ComparedRun], *, shared: frozenset[str] = frozenset()
+    metric: str,
+    a: Sequence[ComparedRun],
+    b: Sequence[ComparedRun],
+    *,
+    shared: frozenset[str] = frozenset(),
 ) -> Difference | None:
     """Difference of a metric between the logs of two sides; None where no log of a side has it.
 
@@ -127,7 +136,11 @@ def _sensors(a: _Side, b: _Side, shared: frozenset[str]) -> float:
 
 def _side(metric: str, runs: Sequence[ComparedRun]) -> _Side | None:
     """Pool the logs of a side, each weighted with its cycles."""
-    given = [(run, mean) for run in runs if (mean := run.mean.get(metric)) is not None and run.cycles[metric]]
+    given = [
+        (run, mean)
+        for run in runs
+        if (mean := run.mean.get(metric)) is not None and run.cycles[metric]
+    ]
     if not given:
         return None
     counts = [len(run.cycles[metric]) for run, _ in given]
@@ -136,7 +149,9 @@ def _side(metric: str, runs: Sequence[ComparedRun]) -> _Side | None:
     gains: dict[str, float] = {}
     for (run, mean), weight in zip(given, weights, strict=True):
         for name, gain in run.gains.items():
-            gains[name] = gains.get(name, 0.0) + weight * math.copysign(gain.of.get(metric, 0.0), mean)
+            gains[name] = gains.get(name, 0.0) + weight * math.copysign(
+                gain.of.get(metric, 0.0), mean
+            )
     rests = [run.rest(metric) for run, _ in given]
     return _Side(
         mean=sum(weight * mean for (_, mean), weight in zip(given, weights, strict=True)),
@@ -152,33 +167,50 @@ def _side(metric: str, runs: Sequence[ComparedRun]) -> _Side | None:
     )
 
 
-def _scatters(cycles: Sequence[Sequence[float]], rests: Sequence[float], *, repeats: bool) -> tuple[Scatter, ...]:
+def _scatters(
+    cycles: Sequence[Sequence[float]], rests: Sequence[float], *, repeats: bool
+) -> tuple[Scatter, ...]:
     """Parts of type A of the mean of all cycles of some logs.
 
-    A single log has the scatter of its cycles. Several logs have that within them, and the part of the scatter of their means
-    that neither it nor their zeros explain (one-way analysis of variance, by the method of moments). Logs whose cycles show no
-    repeatability have the scatter of their means alone.
+    A single log has the scatter of its cycles. Several logs have that within them, and the part of
+    the scatter of their means that neither it nor their zeros explain (one-way analysis of
+    variance, by the method of moments). Logs whose cycles show no repeatability have the scatter of
+    their means alone.
     """
     counts = [len(values) for values in cycles]
     total, logs = sum(counts), len(cycles)
     if logs == 1:
-        return (Scatter(scatter_of(cycles[0]) / math.sqrt(total), total - 1.0),) if repeats and total > 1 else ()
+        return (
+            (Scatter(scatter_of(cycles[0]) / math.sqrt(total), total - 1.0),)
+            if repeats and total > 1
+            else ()
+        )
     means = [sum(values) / len(values) for values in cycles]
     grand = sum(n * mean for n, mean in zip(counts, means, strict=True)) / total
-    between = sum(n * (mean - grand) ** 2 for n, mean in zip(counts, means, strict=True)) / (logs - 1)
+    between = sum(n * (mean - grand) ** 2 for n, mean in zip(counts, means, strict=True)) / (
+        logs - 1
+    )
     if total == logs or not repeats:
         return (Scatter(math.sqrt(between / total), logs - 1.0),)
-    within = sum((n - 1) * scatter_of(x) ** 2 for n, x in zip(counts, cycles, strict=True) if n > 1) / (total - logs)
+    within = sum(
+        (n - 1) * scatter_of(x) ** 2 for n, x in zip(counts, cycles, strict=True) if n > 1
+    ) / (total - logs)
     squares = sum(n * n for n in counts)
     usual = (total - squares / total) / (logs - 1)
     zeros = sum(rest**2 for rest in rests) / logs
     excess = max((between - within) / usual - zeros, 0.0) * squares / total**2
-    parts = (Scatter(math.sqrt(within / total), total - logs), Scatter(math.sqrt(excess), logs - 1.0))
+    parts = (
+        Scatter(math.sqrt(within / total), total - logs),
+        Scatter(math.sqrt(excess), logs - 1.0),
+    )
     return tuple(part for part in parts if part.u > 0.0) or parts[:1]
 
 
-def shared_gains(a: Sequence[ComparedRun], b: Sequence[ComparedRun]) -> tuple[frozenset[str], tuple[str, ...]]:
-    """Sensors whose gains logs of both sides can share, and those whose rig files state unlike gains.
+def shared_gains(
+    a: Sequence[ComparedRun], b: Sequence[ComparedRun]
+) -> tuple[frozenset[str], tuple[str, ...]]:
+    """Sensors whose gains logs of both sides can share, and those whose rig files state unlike
+    gains.
 
     A simulated log has no sensors and so shares no error.
     """

@@ -1,4 +1,6 @@
-"""Whether an efficiency drops by more than a limit: the estimate decides, its interval is stated beside it."""
+"""Whether an efficiency drops by more than a limit: the estimate decides, its interval is stated
+beside it.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +17,26 @@ ROUNDING = 1e-12
 """What the arithmetic itself may add to a drop. [1]"""
 
 Verdict = Literal[
-    "beyond", "beyond_uncertain", "within", "within_uncertain", "no_interval_beyond", "no_interval_within"
+    "beyond",
+    "beyond_uncertain",
+    "within",
+    "within_uncertain",
+    "no_interval_beyond",
+    "no_interval_within",
 ]
-"""Whether a drop is beyond the limit, and whether its interval contains drops of the other side of the limit."""
+"""Whether a drop is beyond the limit, and whether its interval contains drops of the other side
+of the limit.
+"""
 
 
-class Drop(msgspec.Struct, frozen=True, rename={"load": "load_ohm", "value": "drop", "interval": "interval_95"}):
-    """Drop A - B of an efficiency of matched runs, with its 95 % interval; names in JSON are those of its record."""
+class Drop(
+    msgspec.Struct,
+    frozen=True,
+    rename={"load": "load_ohm", "value": "drop", "interval": "interval_95"},
+):
+    """Drop A - B of an efficiency of matched runs, with its 95 % interval; names in JSON are
+    those of its record.
+    """
 
     label: str
     load: float | None
@@ -36,7 +51,9 @@ class Drop(msgspec.Struct, frozen=True, rename={"load": "load_ohm", "value": "dr
 
 
 class Gate(msgspec.Struct, frozen=True):
-    """Drops of the efficiency of the whole cascade against a limit; `without` are runs that lack this efficiency."""
+    """Drops of the efficiency of the whole cascade against a limit; `without` are runs that lack
+    this efficiency.
+    """
 
     metric: str
     limit: float
@@ -55,15 +72,19 @@ class Gate(msgspec.Struct, frozen=True):
 
 
 def check_limit(limit: float) -> None:
-    """Reject a limit that is no difference of efficiencies; OptionError describes what is expected."""
+    """Reject a limit that is no difference of efficiencies; OptionError describes what is
+    expected.
+    """
     if not 0.0 <= limit < 1.0:
         raise OptionError(
-            f"--max-drop {limit:g}: expected a difference of efficiencies from 0 up to 1; 0.01 is one percentage point."
+            f"--max-drop {limit:g}: expected a difference of efficiencies from 0 up to 1; 0.01 is "
+            f"one percentage point."
         )
 
 
 def drop_gate(found: Comparison, limit: float) -> Gate:
-    """Compare the drop of the efficiency of the whole cascade (eta_pto of the paper) of each matched run with a limit.
+    """Compare the drop of the efficiency of the whole cascade (eta_pto of the paper) of each
+    matched run with a limit.
 
     The estimate decides: a drop fails that is larger than the limit, whatever its interval.
 
@@ -84,10 +105,13 @@ def drop_gate(found: Comparison, limit: float) -> Gate:
             without.append(runs.label)
             continue
         ends = None if one.interval is None else (-one.interval[1], -one.interval[0])
-        drops.append(Drop(runs.label, runs.load, -one.value, ends, _verdict(-one.value, ends, limit)))
+        drops.append(
+            Drop(runs.label, runs.load, -one.value, ends, _verdict(-one.value, ends, limit))
+        )
     if found.overall is None or not drops:
         raise CompareError(
-            f"--max-drop: no matched run has {found.overall or 'an efficiency of the whole cascade'} on both sides; expected "
+            f"--max-drop: no matched run has "
+            f"{found.overall or 'an efficiency of the whole cascade'} on both sides; expected "
             "one at least. Check the channels and the load of the logs, or leave --max-drop out."
         )
     return Gate(found.overall, limit, tuple(drops), tuple(without))

@@ -1,1 +1,3 @@
-"""What every package uses: runs, units, files of rig, campaign and published table, errors, output files and numerics."""
+"""What every package uses: runs, units, files of rig, campaign and published table, errors,
+output files and numerics.
+"""

@@ -16,13 +16,21 @@ if TYPE_CHECKING:
 Part = Literal["zero", "gain", "gap", "lag"]
 Shape = Literal["rectangular", "normal"]
 Basis = Literal[
-    "calibration_in_place", "limits", "expanded_uncertainty", "standard_uncertainty", "resampling", "relation"
+    "calibration_in_place",
+    "limits",
+    "expanded_uncertainty",
+    "standard_uncertainty",
+    "resampling",
+    "relation",
 ]
-"""What an error is known by: `u_zero` and `u_gain` of a sensor, limits of a maker, an accuracy with a coverage factor, `u` of a
-number of the rig, samples of the log that are left out, or how its channels follow the motion."""
+"""What an error is known by: `u_zero` and `u_gain` of a sensor, limits of a maker, an accuracy with
+a coverage factor, `u` of a number of the rig, samples of the log that are left out, or how its
+channels follow the motion."""
 
 LEAKAGE = 2.0
-"""Ratio of a current to that of the bleed resistance in open circuit, above which a load is connected. [1]"""
+"""Ratio of a current to that of the bleed resistance in open circuit, above which a load is
+connected. [1]
+"""
 
 BLEED = 1000.0
 """Bleed resistance where the rig file states none: no open circuit has less. [ohm]"""
@@ -35,11 +43,11 @@ ACQUISITION = "acquisition system"
 
 
 class ErrorSource(msgspec.Struct, frozen=True):
-    """One source of uncertainty, the same over a whole run: zero [SI unit of the channel] or gain [1] of what is read,
-    or lag [s].
+    """One source of uncertainty, the same over a whole run: zero [SI unit of the channel] or gain
+    [1] of what is read, or lag [s].
 
-    `u` is its standard uncertainty; `limit` the half width of a rectangular distribution, None for a normal one; `basis` what
-    the rig file states it by.
+    `u` is its standard uncertainty; `limit` the half width of a rectangular distribution, None for
+    a normal one; `basis` what the rig file states it by.
     """
 
     channel: str
@@ -59,11 +67,12 @@ class ErrorSource(msgspec.Struct, frozen=True):
 def error_sources(channel: str, sensor: Sensor) -> tuple[ErrorSource, ...]:
     """Zero and gain errors that the rig file allows a sensor, in SI units; empty without any.
 
-    Each of the two is that of a calibration in place where the rig file states one (`u_zero`, `u_gain`), which contains the
-    acquisition system; else what the accuracies of the sensor and of its acquisition system allow, as limits or with a
-    coverage factor as expanded uncertainties. A share of the full scale limits the error at any reading, so it is a zero error
-    and does not shrink at small readings; a share of the reading is a gain error. Where the zero alone is calibrated, a share
-    of the full scale limits the gain.
+    Each of the two is that of a calibration in place where the rig file states one (`u_zero`,
+    `u_gain`), which contains the acquisition system; else what the accuracies of the sensor and of
+    its acquisition system allow, as limits or with a coverage factor as expanded uncertainties. A
+    share of the full scale limits the error at any reading, so it is a zero error and does not
+    shrink at small readings; a share of the reading is a gain error. Where the zero alone is
+    calibrated, a share of the full scale limits the gain.
 
     >>> from winchcascade.core.rig_file import Sensor
     >>> [(s.part, s.limit) for s in error_sources("force", Sensor("N", high=20000.0, accuracy_full_scale=0.002))]
@@ -75,10 +84,18 @@ def error_sources(channel: str, sensor: Sensor) -> tuple[ErrorSource, ...]:
     absolute = (sensor.accuracy or 0.0) + (sensor.accuracy_full_scale or 0.0) * full_scale
     stated = [  # absolute, of the reading, coverage factor, origin
         (absolute, sensor.accuracy_reading or 0.0, sensor.coverage, sensor.source),
-        ((sensor.daq_full_scale or 0.0) * full_scale, sensor.daq_reading or 0.0, sensor.daq_coverage, ACQUISITION),
+        (
+            (sensor.daq_full_scale or 0.0) * full_scale,
+            sensor.daq_reading or 0.0,
+            sensor.daq_coverage,
+            ACQUISITION,
+        ),
     ]
     found = []
-    parts: tuple[tuple[Part, float | None], ...] = (("zero", sensor.u_zero), ("gain", sensor.u_gain))
+    parts: tuple[tuple[Part, float | None], ...] = (
+        ("zero", sensor.u_zero),
+        ("gain", sensor.u_gain),
+    )
     for part, u in parts:
         if u is not None:
             found.append(ErrorSource(channel, part, u, None, sensor.source, "calibration_in_place"))
@@ -93,17 +110,23 @@ def error_sources(channel: str, sensor: Sensor) -> tuple[ErrorSource, ...]:
 
 
 def part_uncertainty(sensor: Sensor | None, part: Part) -> float:
-    """Standard uncertainty of zero [SI unit of the channel] or gain [1] of a sensor with its acquisition system, in squares.
+    """Standard uncertainty of zero [SI unit of the channel] or gain [1] of a sensor with its
+    acquisition system, in squares.
 
     >>> from winchcascade.core.rig_file import Sensor
     >>> part_uncertainty(Sensor("N", accuracy=30.0, u_zero=2.0), "zero"), part_uncertainty(None, "zero")
     (2.0, 0.0)
     """
-    return 0.0 if sensor is None else math.hypot(*(s.u for s in error_sources("", sensor) if s.part == part))
+    return (
+        0.0
+        if sensor is None
+        else math.hypot(*(s.u for s in error_sources("", sensor) if s.part == part))
+    )
 
 
 def open_circuit_current(rig: Rig, voltage: float) -> float:
-    """Maximum DC current that bleed resistance and zero of the sensor account for at a voltage [V]. [A]
+    """Maximum DC current that bleed resistance and zero of the sensor account for at a voltage [V].
+    [A]
 
     >>> from winchcascade.core.rig_toml import built_in
     >>> round(open_circuit_current(built_in(), 300.0), 3)
@@ -111,7 +134,9 @@ def open_circuit_current(rig: Rig, voltage: float) -> float:
     """
     bleed = rig.dc_link.r_bleed
     resistance = bleed.value if bleed is not None and bleed.value > 0.0 else BLEED
-    return LEAKAGE * voltage / resistance + CERTAIN * part_uncertainty(rig.sensors.get("idc"), "zero")
+    return LEAKAGE * voltage / resistance + CERTAIN * part_uncertainty(
+        rig.sensors.get("idc"), "zero"
+    )
 
 
 class Interval(NamedTuple):
@@ -129,7 +154,8 @@ class Scatter(msgspec.Struct, frozen=True):
 
 
 def interval_95(value: float, u: float, freedom: float = math.inf) -> Interval:
-    """The 95 % interval of a value with a standard uncertainty, of so many degrees of freedom (GUM G.4).
+    """The 95 % interval of a value with a standard uncertainty, of so many degrees of freedom (GUM
+    G.4).
 
     >>> round(interval_95(10.0, 1.0, 2.0).high, 3)
     14.303
@@ -139,8 +165,8 @@ def interval_95(value: float, u: float, freedom: float = math.inf) -> Interval:
 
 
 def effective_freedom(scatters: Sequence[Scatter], combined: float) -> float:
-    """Effective degrees of freedom of a combined standard uncertainty (Welch and Satterthwaite, GUM G.2b); parts of type B have
-    infinitely many, so inf where no scatter counts.
+    """Effective degrees of freedom of a combined standard uncertainty (Welch and Satterthwaite, GUM
+    G.2b); parts of type B have infinitely many, so inf where no scatter counts.
 
     >>> round(effective_freedom([Scatter(1.0, 2.0), Scatter(1.0, 2.0)], 2.0**0.5), 6)
     4.0
@@ -153,7 +179,9 @@ NORMAL = 1.959963984540054
 """Half width of the 95 % interval of the normal distribution. [standard deviations]"""
 
 EXPANDED = 30.0
-"""Degrees of freedom from which an expansion gives Student's quantile to 1e-8; below, its integral is inverted."""
+"""Degrees of freedom from which an expansion gives Student's quantile to 1e-8; below, its
+integral is inverted.
+"""
 
 ANGLES = 4097
 """Number of angles at which that integral is tabulated: the quantile is then known to 1e-6."""
@@ -163,8 +191,9 @@ ANGLES = 4097
 def student(freedom: float) -> float:
     """Half width of the 95 % interval of Student's distribution. [standard deviations]
 
-    With many degrees of freedom by Abramowitz and Stegun 26.7.5. Otherwise it is sqrt(freedom) times the tangent of an angle of
-    the density cos(angle)^(freedom - 1). scipy would take longer to import than a log to reduce.
+    With many degrees of freedom by Abramowitz and Stegun 26.7.5. Otherwise it is sqrt(freedom)
+    times the tangent of an angle of the density cos(angle)^(freedom - 1). scipy would take longer
+    to import than a log to reduce.
 
     >>> round(student(2.0), 4), round(student(math.inf), 4)
     (4.3027, 1.96)

@@ -1,4 +1,6 @@
-"""Arguments of the calls of the library: what each kind of them may be, and one sentence about one that is none."""
+"""Arguments of the calls of the library: what each kind of them may be, and one sentence about
+one that is none.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ LONGEST_PATH = 4000
 
 
 class Expected(msgspec.Struct, frozen=True):
-    """A condition on an argument; `words` completes the sentence of a fault, "load is 0; expected ..."."""
+    """A condition on an argument; `words` completes the sentence of a fault, "load is 0;
+    expected ...".
+    """
 
     words: str
     holds: Callable[[Any], object]
@@ -32,37 +36,56 @@ def is_number(value: object) -> bool:
 
 def is_whole(value: object, low: int) -> bool:
     """Whether a value is a whole number from a lowest one on."""
-    return hasattr(value, "__index__") and not isinstance(value, bool) and operator.index(value) >= low
+    return (
+        hasattr(value, "__index__") and not isinstance(value, bool) and operator.index(value) >= low
+    )
 
 
 def is_path(value: object) -> bool:
     """Whether a value is a path, that some file could have."""
     text = os.fspath(value) if isinstance(value, os.PathLike) else value
-    return isinstance(text, str) and bool(text.strip()) and "\0" not in text and len(text) <= LONGEST_PATH
+    return (
+        isinstance(text, str)
+        and bool(text.strip())
+        and "\0" not in text
+        and len(text) <= LONGEST_PATH
+    )
 
 
 def _is_listed(value: object, kind: type) -> bool:
-    """Whether a value lists values of a kind; a text lists none, though Python iterates over its letters."""
-    return isinstance(value, Iterable) and not isinstance(value, str) and all(isinstance(one, kind) for one in value)
+    """Whether a value lists values of a kind; a text lists none, though Python iterates over its
+    letters.
+    """
+    return (
+        isinstance(value, Iterable)
+        and not isinstance(value, str)
+        and all(isinstance(one, kind) for one in value)
+    )
 
 
 MAPPING = Expected("a mapping, such as a dict", lambda value: isinstance(value, Mapping))
 FLAG = Expected("True or False", lambda value: isinstance(value, bool))
 NUMBER = Expected("a number", is_number)
 TEXT = Expected("a text", lambda value: isinstance(value, str))
-NAME = Expected("a text that is not empty", lambda value: value is None or (isinstance(value, str) and value.strip()))
+NAME = Expected(
+    "a text that is not empty",
+    lambda value: value is None or (isinstance(value, str) and value.strip()),
+)
 LOAD = Expected(
     "a resistance above 0 in ohms, or inf for an open circuit",
     lambda value: value is None or (is_number(value) and is_load(float(value))),
 )
 LOADS = Expected(
     "a list of resistances in ohms, such as [36.0]",
-    lambda value: _is_listed(value, Real) and all(is_number(one) and is_load(float(one)) for one in value),
+    lambda value: (
+        _is_listed(value, Real) and all(is_number(one) and is_load(float(one)) for one in value)
+    ),
 )
 CYCLES = Expected(
     "first and last cycle from 1 on, such as (1, 20)",
     lambda value: (
-        value is None or (len(value) == 2 and all(is_whole(end, 1) for end in value) and value[0] <= value[1])
+        value is None
+        or (len(value) == 2 and all(is_whole(end, 1) for end in value) and value[0] <= value[1])
     ),
 )
 SHEET = Expected(
@@ -77,18 +100,24 @@ NAMES = Expected('a list of names, such as ["ke_rolloff"]', lambda value: _is_li
 PATH = Expected("a path", is_path)
 PATH_OR_NONE = Expected("a path or a name", lambda value: value is None or is_path(value))
 ON_OFF = Expected("on or off", lambda value: value in ("on", "off"))
-RIG_NAME = Expected("a rig file or the name of a built-in rig", lambda value: isinstance(value, str | os.PathLike))
+RIG_NAME = Expected(
+    "a rig file or the name of a built-in rig", lambda value: isinstance(value, str | os.PathLike)
+)
 PROCESSES = Expected("a number of processes from 1 on", lambda value: is_whole(value, 1))
 SEED_NUMBER = Expected("a whole number from 0 on", lambda value: is_whole(value, 0))
 STEP_LENGTH = Expected(
-    "a number of seconds above 0, or None", lambda value: value is None or (is_number(value) and 0.0 < value < math.inf)
+    "a number of seconds above 0, or None",
+    lambda value: value is None or (is_number(value) and 0.0 < value < math.inf),
 )
-WATCH = Expected("a Watch, with begin and done", lambda value: value is None or hasattr(value, "begin"))
+WATCH = Expected(
+    "a Watch, with begin and done", lambda value: value is None or hasattr(value, "begin")
+)
 RATE = Expected("a number above 0", lambda value: is_number(value) and 0.0 < value < math.inf)
 
 
 def check_arguments(call: str, *arguments: tuple[str, object, Expected]) -> None:
-    """Reject an argument that is not of its kind: OptionError, with its name, its value and what was expected.
+    """Reject an argument that is not of its kind: OptionError, with its name, its value and what
+    was expected.
 
     Parameters
     ----------
@@ -97,7 +126,11 @@ def check_arguments(call: str, *arguments: tuple[str, object, Expected]) -> None
     for name, value, kind in arguments:
         try:
             holds = bool(kind.holds(value))
-        except (TypeError, ValueError, OverflowError):  # of a comparison with a value of another kind
+        except (
+            TypeError,
+            ValueError,
+            OverflowError,
+        ):  # of a comparison with a value of another kind
             holds = False
         if not holds:
             raise OptionError(f"{call}: {name} is {value!r:.200}; expected {kind.words}.")

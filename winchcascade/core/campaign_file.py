@@ -7,7 +7,10 @@ from collections.abc import Collection, Mapping, Sequence
 from datetime import datetime  # msgspec evaluates the types of a struct
 from functools import lru_cache
 from itertools import product
-from os.path import isfile, realpath  # unlike that of Path, isfile gives no error for a name that no file can have
+from os.path import (
+    isfile,
+    realpath,
+)  # unlike that of Path, isfile gives no error for a name that no file can have
 from pathlib import Path
 from shlex import quote
 from typing import Annotated
@@ -33,14 +36,18 @@ KINDS = {True: "measured", False: "not measured", None: "not stated"}
 
 
 class Origin(msgspec.Struct, frozen=True):
-    """Whether data are measured, None where it is not stated, and one sentence on where they come from."""
+    """Whether data are measured, None where it is not stated, and one sentence on where they
+    come from.
+    """
 
     measured: bool | None = None
     sentence: str = ""
 
     @property
     def word(self) -> str:
-        """What the data are called beside a simulation: `measured` where that is stated, else `log`."""
+        """What the data are called beside a simulation: `measured` where that is stated, else
+        `log`.
+        """
         return "measured" if self.measured else "log"
 
 
@@ -54,9 +61,14 @@ def origin_record(origin: Origin) -> dict[str, bool | str | None]:
 
 
 def origin_from(data: Mapping[str, object]) -> Origin:
-    """Read the origin of data from the `data` of a written result; one of an earlier version states nothing."""
+    """Read the origin of data from the `data` of a written result; one of an earlier version
+    states nothing.
+    """
     measured, sentence = data.get("measured"), data.get("origin")
-    return Origin(measured if isinstance(measured, bool) else None, sentence if isinstance(sentence, str) else "")
+    return Origin(
+        measured if isinstance(measured, bool) else None,
+        sentence if isinstance(sentence, str) else "",
+    )
 
 
 def joint_origin(origins: Sequence[Origin]) -> Origin:
@@ -91,17 +103,17 @@ class CampaignRun(
         "sentence": "origin",
     },
 ):
-    """One log of a campaign: its file, load [ohm], fixed window [s], the cycles that count, whether it is withheld, and where
-    its data come from.
+    """One log of a campaign: its file, load [ohm], fixed window [s], the cycles that count, whether
+    it is withheld, and where its data come from.
 
-    `sheet` is the name or number of the table within a workbook, a MATLAB file or TDMS. `simulated` is the file of the
-    owner's own simulation of the run, None where there is none.
+    `sheet` is the name or number of the table within a workbook, a MATLAB file or TDMS. `simulated`
+    is the file of the owner's own simulation of the run, None where there is none.
 
     `ranges` are begin and end of each cycle on the clock of the log, instead of detected ones [s].
-    `load` is None for a rig without one and inf for an open circuit; `window` None where the rule of the rig applies.
-    `started` is when the run began: all runs of a campaign have an offset from UTC or none has. `temperature` is that of the
-    winding or the housing during the run, as the file states it [degC]. `columns` is a table as
-    [columns] of a rig file, for this log alone.
+    `load` is None for a rig without one and inf for an open circuit; `window` None where the rule
+    of the rig applies. `started` is when the run began: all runs of a campaign have an offset from
+    UTC or none has. `temperature` is that of the winding or the housing during the run, as the file
+    states it [degC]. `columns` is a table as [columns] of a rig file, for this log alone.
     """
 
     file: Path
@@ -122,7 +134,10 @@ class CampaignRun(
         """Reject cycles and ranges of time that end before they begin: ValueError."""
         check_ranges(self.ranges)
         if self.cycles is not None and not 1 <= self.cycles[0] <= self.cycles[1]:
-            raise ValueError(f"cycles is {list(self.cycles)}; expected first and last from 1 on, such as [1, 20].")
+            raise ValueError(
+                f"cycles is {list(self.cycles)}; expected first and last from 1 on, such as [1, "
+                f"20]."
+            )
 
     @property
     def origin(self) -> Origin:
@@ -131,7 +146,9 @@ class CampaignRun(
 
 
 class Campaign(msgspec.Struct, frozen=True):
-    """A set of runs on one rig; `rig` is a built-in name, the path of a rig file, or None for the paper's rig."""
+    """A set of runs on one rig; `rig` is a built-in name, the path of a rig file, or None for
+    the paper's rig.
+    """
 
     path: Path
     title: str
@@ -160,38 +177,61 @@ def load_campaign(path: Path) -> Campaign:
         path = path / CAMPAIGN_FILE
         if not path.exists():
             raise CampaignError(
-                f"{path.parent}: holds no {CAMPAIGN_FILE}; expected one that lists the logs, each with its load. "
+                f"{path.parent}: holds no {CAMPAIGN_FILE}; expected one that lists the logs, each "
+                f"with its load. "
                 f"`winchcascade init {quote(str(path.parent))}` drafts it."
             )
     if path.exists() and not (path.is_file() and path.suffix.casefold() == ".toml"):
         raise CampaignError(
-            f"{path}: is no campaign; expected a {CAMPAIGN_FILE} that lists the logs, or a folder with one."
+            f"{path}: is no campaign; expected a {CAMPAIGN_FILE} that lists the logs, or a folder "
+            f"with one."
         )
     file, listed = _parsed(read_toml(path, CampaignError), path)
-    with_offset = {run.started.tzinfo is not None: k for k, run in enumerate(listed, 1) if run.started is not None}
+    with_offset = {
+        run.started.tzinfo is not None: k
+        for k, run in enumerate(listed, 1)
+        if run.started is not None
+    }
     if len(with_offset) > 1:
         raise CampaignError(
-            f"{path}: started of run {with_offset[True]} has an offset from UTC, and that of run {with_offset[False]} has "
+            f"{path}: started of run {with_offset[True]} has an offset from UTC, and that of run "
+            f"{with_offset[False]} has "
             "none; expected one in every run, or in none. Add it, such as +02:00, or leave it out."
         )
     if withheld := [k for k, run in enumerate(listed) if run.withheld]:
         logs = [f"{realpath(run.file)}\0{run.sheet or ''}" for run in listed]
-        check_held_out([run.file.name for run in listed], logs, [run.cycles for run in listed], withheld, str(path))
+        check_held_out(
+            [run.file.name for run in listed],
+            logs,
+            [run.cycles for run in listed],
+            withheld,
+            str(path),
+        )
     rig = file.rig
-    return Campaign(path, file.title, str(path.parent / rig) if rig and isfile(path.parent / rig) else rig, listed)
+    return Campaign(
+        path,
+        file.title,
+        str(path.parent / rig) if rig and isfile(path.parent / rig) else rig,
+        listed,
+    )
 
 
 @lru_cache(maxsize=8)
 def _parsed(text: str, path: Path) -> tuple[_CampaignFile, tuple[CampaignRun, ...]]:
     """A campaign file and its runs from its text, which each log of a folder finds beside it."""
-    file: _CampaignFile = convert(toml_values(text, str(path), CampaignError), _CampaignFile, f"{path}:", CampaignError)
-    return file, tuple(_run(run, f"{path}: run {k}:", path, file) for k, run in enumerate(file.run, 1))
+    file: _CampaignFile = convert(
+        toml_values(text, str(path), CampaignError), _CampaignFile, f"{path}:", CampaignError
+    )
+    return file, tuple(
+        _run(run, f"{path}: run {k}:", path, file) for k, run in enumerate(file.run, 1)
+    )
 
 
 def _run(raw: Table, place: str, path: Path, campaign: _CampaignFile) -> CampaignRun:
     """One [[run]] table, with what the campaign states of the data.
 
-    The sentence of the campaign is about data of its kind: an entry of the other kind does not take it over.
+    The sentence of the campaign is about data of its kind: an entry of the other kind does not take
+    it over.
     """
     stated = {"measured": campaign.measured, **raw}
     if stated["measured"] == campaign.measured:
@@ -206,13 +246,19 @@ def _run(raw: Table, place: str, path: Path, campaign: _CampaignFile) -> Campaig
 
 
 def check_held_out(
-    names: Sequence[str], logs: Sequence[str], cycles: Sequence[Cycles | None], withheld: Collection[int], place: str
+    names: Sequence[str],
+    logs: Sequence[str],
+    cycles: Sequence[Cycles | None],
+    withheld: Collection[int],
+    place: str,
 ) -> None:
-    """Reject a log that is withheld and listed again with cycles that are not: the fit would use what it is judged on.
+    """Reject a log that is withheld and listed again with cycles that are not: the fit would use
+    what it is judged on.
 
     Parameters
     ----------
-    logs : of each run what identifies its log, a path or the digest of its content; empty where it is unknown
+    logs : of each run what identifies its log, a path or the digest of its content; empty where it
+        is unknown
     cycles : of each run the first and the last that count, None for all
     withheld : numbers of the runs that are withheld, from 0
     """
@@ -221,13 +267,16 @@ def check_held_out(
         if logs[held] and logs[held] == logs[kept] and kept not in withheld and a <= d and c <= b:
             k, n = sorted((held, kept))
             raise CampaignError(
-                f"{place}: runs {k + 1} ({names[k]}) and {n + 1} ({names[n]}) are the same log, and run {held + 1} is "
-                f"withheld; a withheld log takes part in no fit. Remove run {kept + 1}, or give each its own cycles."
+                f"{place}: runs {k + 1} ({names[k]}) and {n + 1} ({names[n]}) are the same log, "
+                f"and run {held + 1} is "
+                f"withheld; a withheld log takes part in no fit. Remove run {kept + 1}, or give "
+                f"each its own cycles."
             )
 
 
 def campaign_beside(log: Path, sheet: str | None = None) -> tuple[Campaign, CampaignRun] | None:
-    """The campaign in the folder of a log and its entry there, None if there is none or it does not list the log.
+    """The campaign in the folder of a log and its entry there, None if there is none or it does not
+    list the log.
 
     CampaignError if it cannot be read, or lists several sheets of the log and none is given.
     """
@@ -238,15 +287,23 @@ def campaign_beside(log: Path, sheet: str | None = None) -> tuple[Campaign, Camp
         campaign = load_campaign(path)
     except CampaignError as fault:
         raise CampaignError(
-            f"{fault} To read {log.name} without it, give --rig, --load-ohm and --window, or campaign=False in Python."
+            f"{fault} To read {log.name} without it, give --rig, --load-ohm and --window, or "
+            f"campaign=False in Python."
         ) from None
-    listed = [run for run in campaign.runs if run.file.name == log.name and run.file.resolve() == log.resolve()]
+    listed = [
+        run
+        for run in campaign.runs
+        if run.file.name == log.name and run.file.resolve() == log.resolve()
+    ]
     if sheet is not None:
-        listed = [run for run in listed if run.sheet is None or run.sheet.casefold() == sheet.casefold()]
+        listed = [
+            run for run in listed if run.sheet is None or run.sheet.casefold() == sheet.casefold()
+        ]
     sheets = list(dict.fromkeys(run.sheet for run in listed if run.sheet is not None))
     if sheet is None and len(sheets) > 1:
         raise CampaignError(
-            f"{path}: lists {len(sheets)} sheets of {log.name}: {', '.join(map(repr, sheets))}; expected one to reduce. Name "
+            f"{path}: lists {len(sheets)} sheets of {log.name}: {', '.join(map(repr, sheets))}; "
+            f"expected one to reduce. Name "
             "it with --sheet NAME, table= in Python, or reduce all by `winchcascade batch`."
         )
     return (campaign, listed[0]) if listed else None

@@ -16,12 +16,15 @@ from winchcascade.core.run import Finding, Repairs
 
 
 class LogSettings(msgspec.Struct, frozen=True):
-    """How a log is read and reduced: by the options, else by the campaign that lists it, else by the file or the rig.
+    """How a log is read and reduced: by the options, else by the campaign that lists it, else by
+    the file or the rig.
 
-    `load` [ohm] is None where only the log may contain it, `load_source` is where it comes from, `window` is a rule or a
-    length [s], `cycles` are the first and the last that count, `about` is the title of the campaign, `origin` describes
-    where the data come from, and `sheet` names the table to read, None where the file has one only. `parts` is the finding on
-    a log of which a campaign lists other cycles elsewhere. `repairs` is "off" for a log that is to be kept as it was logged.
+    `load` [ohm] is None where only the log may contain it, `load_source` is where it comes from,
+    `window` is a rule or a length [s], `cycles` are the first and the last that count, `about` is
+    the title of the campaign, `origin` describes where the data come from, and `sheet` names the
+    table to read, None where the file has one only. `parts` is the finding on a log of which a
+    campaign lists other cycles elsewhere. `repairs` is "off" for a log that is to be kept as it was
+    logged.
     """
 
     rig: Rig
@@ -37,7 +40,8 @@ class LogSettings(msgspec.Struct, frozen=True):
 
 
 def listed_settings(campaign: Campaign, run: CampaignRun, rig: Rig) -> LogSettings:
-    """Settings of a log as a campaign lists it; its ranges of time and columns precede those of the rig.
+    """Settings of a log as a campaign lists it; its ranges of time and columns precede those of the
+    rig.
 
     RigError if its columns are none.
     """
@@ -45,7 +49,9 @@ def listed_settings(campaign: Campaign, run: CampaignRun, rig: Rig) -> LogSettin
         rig = replace(rig, phases=replace(rig.phases, source="ranges", ranges=run.ranges))
     if run.columns:
         where = f"{campaign.path}: {run.file.name}"
-        rig = replace(rig, columns=read_columns(run.columns, rig.known_channels, where, rig.columns))
+        rig = replace(
+            rig, columns=read_columns(run.columns, rig.known_channels, where, rig.columns)
+        )
     return LogSettings(
         rig=rig,
         load=run.load,
@@ -59,22 +65,33 @@ def listed_settings(campaign: Campaign, run: CampaignRun, rig: Rig) -> LogSettin
 
 
 def settings_beside(
-    log: Path, rig: Rig | None, sheet: str | None = None, read: Callable[[str | Path], Rig] = read_rig
+    log: Path,
+    rig: Rig | None,
+    sheet: str | None = None,
+    read: Callable[[str | Path], Rig] = read_rig,
 ) -> LogSettings:
-    """Settings of a log by the campaign.toml in its folder, if that lists it; those of the rig alone without one.
+    """Settings of a log by the campaign.toml in its folder, if that lists it; those of the rig
+    alone without one.
 
-    A given rig counts before that of the campaign, which `read` reads. Raises CampaignError as `campaign_beside`, and RigError.
+    A given rig counts before that of the campaign, which `read` reads. Raises CampaignError as
+    `campaign_beside`, and RigError.
     """
     beside = campaign_beside(log, sheet)
     if beside is None:
         return LogSettings(first_named() if rig is None else rig)
     campaign, run = beside
-    settings = listed_settings(campaign, run, first_named(campaign.rig, read=read) if rig is None else rig)
+    settings = listed_settings(
+        campaign, run, first_named(campaign.rig, read=read) if rig is None else rig
+    )
     file = realpath(run.file)
-    alike = [one for one in campaign.runs if one.file.name == run.file.name and one.sheet == run.sheet]
+    alike = [
+        one for one in campaign.runs if one.file.name == run.file.name and one.sheet == run.sheet
+    ]
     times = sum(realpath(one.file) == file for one in alike)
     if times == 1:
         return settings
-    message = f"{campaign.path.name} lists this log {times} times, with other cycles, load or window each"
+    message = (
+        f"{campaign.path.name} lists this log {times} times, with other cycles, load or window each"
+    )
     action = f"the first entry is reduced; `winchcascade batch {campaign.path}` reduces each"
     return replace(settings, parts=Finding("listed_in_parts", message, action, count=times - 1))

@@ -6,7 +6,9 @@ import msgspec
 
 
 class Channel(msgspec.Struct, frozen=True):
-    """One measured quantity; `unit` is what a log without units is taken to mean, `header` what `simulate` writes."""
+    """One measured quantity; `unit` is what a log without units is taken to mean, `header` what
+    `simulate` writes.
+    """
 
     name: str
     symbol: str

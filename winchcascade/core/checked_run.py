@@ -1,4 +1,6 @@
-"""Checks of a run that was not read but made: what a reader of logs grants, and the rest of the program relies on."""
+"""Checks of a run that was not read but made: what a reader of logs grants, and the rest of the
+program relies on.
+"""
 
 from __future__ import annotations
 
@@ -16,18 +18,22 @@ if TYPE_CHECKING:
 
 
 NUMBERS = "biufO"
-"""Kinds of arrays that may hold numbers; dates, texts and complex numbers are none, though numpy converts them."""
+"""Kinds of arrays that may hold numbers; dates, texts and complex numbers are none, though numpy
+converts them.
+"""
 
 
 OTHER_RATE = 2.0
-"""Ratio of the rate of the stamps to the stated one from which they are not of the same samples: clocks drift by far less, and
-stamps that count samples are off by the rate itself. [1]"""
+"""Ratio of the rate of the stamps to the stated one from which they are not of the same samples:
+clocks drift by far less, and stamps that count samples are off by the rate itself. [1]"""
 
 
 class SealedChannels(dict[str, "Signal"]):
-    """Channels that are checked: finite arrays of one length. Neither they nor their samples can be replaced.
+    """Channels that are checked: finite arrays of one length. Neither they nor their samples can be
+    replaced.
 
-    `clock` are stamps and rate that they were checked with; with others they are to be checked again.
+    `clock` are stamps and rate that they were checked with; with others they are to be checked
+    again.
     """
 
     clock: tuple[Signal, float] | None = None
@@ -38,7 +44,10 @@ class SealedChannels(dict[str, "Signal"]):
 
     def __setitem__(self, name: str, signal: object) -> NoReturn:
         """Reject another array: OptionError."""
-        raise OptionError(f"channel {name!r} of a run cannot be replaced; make another run by msgspec.structs.replace.")
+        raise OptionError(
+            f"channel {name!r} of a run cannot be replaced; make another run by "
+            f"msgspec.structs.replace."
+        )
 
     def __reduce__(self) -> tuple[type, tuple[dict[str, Signal]]]:
         """Another process gets them whole."""
@@ -53,7 +62,9 @@ def sealed(signal: Signal) -> Signal:
 
 
 def sealed_channels(channels: Mapping[str, Signal], t: Signal, fs: float) -> SealedChannels:
-    """Channels of arrays that are known to be good with their stamps [s] and rate [Hz], as those of a reader."""
+    """Channels of arrays that are known to be good with their stamps [s] and rate [Hz], as those
+    of a reader.
+    """
     found = SealedChannels({name: sealed(x) for name, x in channels.items()})
     found.clock = t, fs
     return found
@@ -66,21 +77,30 @@ def checked_arrays(
 
     Raises
     ------
-    OptionError : stamps that do not rise, or at another rate; no channel, or an array of another length or with a value that is
-        no finite number
+    OptionError : stamps that do not rise, or at another rate; no channel, or an array of another
+        length or with a value that is no finite number
     """
     call = f"Run({name!r:.60})"
     if not isinstance(channels, Mapping) or not channels:
-        raise OptionError(f'{call}: channels is {channels!r:.100}; expected arrays by name, such as {{"velocity": v}}.')
+        raise OptionError(
+            f"{call}: channels is {channels!r:.100}; expected arrays by name, such as "
+            f'{{"velocity": v}}.'
+        )
     t = _array(t, f"{call}: t")
     if t.size == 0 or not (np.diff(t) > 0.0).all():
-        raise OptionError(f"{call}: t is {t!r:.100}; expected the times of the samples in their order, which rise.")
+        raise OptionError(
+            f"{call}: t is {t!r:.100}; expected the times of the samples in their order, which "
+            f"rise."
+        )
     step = float(np.median(np.diff(t))) if t.size > 1 else 1.0 / fs
     if not 1.0 / OTHER_RATE < step * fs < OTHER_RATE:
         raise OptionError(
-            f"{call}: t has a sample each {step:.4g} s, and fs is {fs:g} Hz; expected t in seconds and fs of the same samples."
+            f"{call}: t has a sample each {step:.4g} s, and fs is {fs:g} Hz; expected t in "
+            f"seconds and fs of the same samples."
         )
-    arrays = {f"channel {name!r}": x for name, x in channels.items()} | ({} if labels is None else {"labels": labels})
+    arrays = {f"channel {name!r}": x for name, x in channels.items()} | (
+        {} if labels is None else {"labels": labels}
+    )
     signals = [_array(x, f"{call}: {name}", t.size) for name, x in arrays.items()]
     return {"t": t, "channels": sealed_channels(dict(zip(channels, signals, strict=False)), t, fs)}
 
@@ -93,12 +113,18 @@ def _array(given: object, place: str, size: int | None = None) -> Signal:
     except (TypeError, ValueError):
         found = None
     if found is None:
-        raise OptionError(f"{place} is {given!r:.100}; expected an array of numbers; dates and texts are none.")
+        raise OptionError(
+            f"{place} is {given!r:.100}; expected an array of numbers; dates and texts are none."
+        )
     if found.ndim != 1 or size not in (None, found.size):
-        raise OptionError(f"{place} has the shape {found.shape}; expected {'n' if size is None else size} numbers.")
+        raise OptionError(
+            f"{place} has the shape {found.shape}; expected {'n' if size is None else size} "
+            f"numbers."
+        )
     if lost := np.count_nonzero(~np.isfinite(found)):
         raise OptionError(
-            f"{place} has {lost} values that are no finite number; expected none. Leave these rows out, or give read_run a "
+            f"{place} has {lost} values that are no finite number; expected none. Leave these "
+            f"rows out, or give read_run a "
             "DataFrame, which bridges them."
         )
     return sealed(found)

@@ -1,4 +1,6 @@
-"""Exceptions of the package: each message states in one sentence where, what was found, what was expected and what to do."""
+"""Exceptions of the package: each message states in one sentence where, what was found, what was
+expected and what to do.
+"""
 
 from collections.abc import Iterable, Sequence
 from typing import NoReturn
@@ -12,15 +14,17 @@ _LONGEST, _END = 2000, 500
 class WinchcascadeError(Exception):
     """A fault of the input or of the command, described in one sentence.
 
-    A sentence may quote names and values from a file, which may hold anything: as text it is one short line without control
-    characters.
+    A sentence may quote names and values from a file, which may hold anything: as text it is one
+    short line without control characters.
     """
 
     def __init__(self, sentence: str = "") -> None:
         super().__init__(sentence)
 
     def __str__(self) -> str:
-        """The sentence, with a question mark for each character that cannot be printed, the middle left out of a long one."""
+        """The sentence, with a question mark for each character that cannot be printed, the
+        middle left out of a long one.
+        """
         sentence = super().__str__()
         if len(sentence) > _LONGEST:
             sentence = f"{sentence[: _LONGEST - _END - 5]} ... {sentence[-_END:]}"
@@ -50,20 +54,32 @@ class OutputError(WinchcascadeError):
 def check_choice(call: str, given: str, known: Sequence[str], kind: str) -> None:
     """Reject what a call of the library does not know by that name: OptionError."""
     if given not in known:
-        raise OptionError(f"{call}({given!r}): no such {kind}; expected one of {', '.join(map(repr, known))}.")
+        raise OptionError(
+            f"{call}({given!r}): no such {kind}; expected one of {', '.join(map(repr, known))}."
+        )
 
 
 def check_type(call: str, given: object, expected: type | tuple[type, ...], makers: str) -> None:
-    """Reject what a call of the library cannot work with: OptionError, which says what makes the right thing."""
+    """Reject what a call of the library cannot work with: OptionError, which says what makes the
+    right thing.
+    """
     if not isinstance(given, expected):
-        kinds = " or ".join(kind.__name__ for kind in (expected if isinstance(expected, tuple) else (expected,)))
-        raise OptionError(f"{call}: cannot take a {type(given).__name__}; expected {kinds}, as {makers} gives it.")
+        kinds = " or ".join(
+            kind.__name__ for kind in (expected if isinstance(expected, tuple) else (expected,))
+        )
+        raise OptionError(
+            f"{call}: cannot take a {type(given).__name__}; expected {kinds}, as {makers} gives it."
+        )
 
 
 def reject_result(call: str, what: str, given: object, kinds: Iterable[type]) -> NoReturn:
-    """Reject a value that has no such view, as a plot or a report: OptionError, which names the results that have one."""
+    """Reject a value that has no such view, as a plot or a report: OptionError, which names the
+    results that have one.
+    """
     names = ", ".join(sorted(kind.__name__ for kind in kinds if kind is not object))
-    raise OptionError(f"{call}: {type(given).__name__} has no {what}; expected a result that has one: {names}.")
+    raise OptionError(
+        f"{call}: {type(given).__name__} has no {what}; expected a result that has one: {names}."
+    )
 
 
 def first_line(fault: BaseException | None) -> str:

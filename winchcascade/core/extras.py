@@ -1,4 +1,6 @@
-"""Optional packages, which the extras of winchcascade install: whether one is there, and how to get it."""
+"""Optional packages, which the extras of winchcascade install: whether one is there, and how to
+get it.
+"""
 
 from importlib.util import find_spec
 
@@ -30,4 +32,7 @@ def require(package: str, wanted: str) -> None:
     wanted : what was asked for, with which the sentence begins
     """
     if not is_installed(package):
-        raise OptionError(f"{wanted} needs {package}, which is not installed; install it with {installation(package)}.")
+        raise OptionError(
+            f"{wanted} needs {package}, which is not installed; install it with "
+            f"{installation(package)}."
+        )

@@ -1,7 +1,8 @@
-"""Output files: written whole or not at all, never over a file that this tool did not make, and without scratch that stays.
+"""Output files: written whole or not at all, never over a file that this tool did not make, and
+without scratch that stays.
 
-Each kind of file has its mark at one place; nothing else counts as a mark. Scratch is removed by the process that makes it, or
-in a folder of results by the next call.
+Each kind of file has its mark at one place; nothing else counts as a mark. Scratch is removed by
+the process that makes it, or in a folder of results by the next call.
 """
 
 from __future__ import annotations
@@ -33,7 +34,9 @@ def scratch_file(folder: Path) -> AbstractContextManager[Path]:
 
 
 def scratch_folder(folder: Path | None = None) -> AbstractContextManager[Path]:
-    """A folder within another one, by default within that of the system; removed at the end unless it was renamed."""
+    """A folder within another one, by default within that of the system; removed at the end
+    unless it was renamed.
+    """
     return _scratch(folder or Path(tempfile.gettempdir()), partial(Path.mkdir, mode=0o700))
 
 
@@ -57,7 +60,9 @@ def removed_at_end(path: Path) -> Iterator[None]:
 
 
 def clear(folder: Path) -> None:
-    """Remove what killed calls left in a folder that no other call uses now; all other files stay."""
+    """Remove what killed calls left in a folder that no other call uses now; all other files
+    stay.
+    """
     for path in [path for path in folder.rglob(".winchcascade-*.part") if is_scratch(path.name)]:
         _remove(str(path))
 
@@ -99,8 +104,8 @@ _HEADS = (
     rb"|MATLAB 5\.0 MAT-file, written by " + _VERSION
     + rb"|Time \(s\),Cycle,Predicted (?:mechanical power|power of [A-Za-z0-9]+) \(W\)\r?\n)"
 )  # fmt: skip
-"""How files begin: JSON with its schema first, page, JUnit, calibrated or corrected rig file, loss map, simulated log,
-exported model, predictions."""
+"""How files begin: JSON with its schema first, page, JUnit, calibrated or corrected rig file, loss
+map, simulated log, exported model, predictions."""
 
 _WORKBOOK = rb"(?s)PK\x05\x06.{16}(?P<size>..)" + _VERSION + rb"\Z"
 """How a workbook ends: the comment of its archive."""
@@ -110,7 +115,9 @@ _PDF = rb"/Author\s*\(" + _VERSION + rb"\)\s*/Creator\s*\(Typst "
 
 
 def is_marked(path: Path) -> bool:
-    """Whether a file carries this tool's mark where this tool writes it, or is empty; OSError if it cannot be read."""
+    """Whether a file carries this tool's mark where this tool writes it, or is empty; OSError if
+    it cannot be read.
+    """
     with path.open("rb") as file:
         head = file.read(LOOK)
         file.seek(max(0, file.seek(0, 2) - LOOK))
@@ -121,7 +128,10 @@ def is_marked(path: Path) -> bool:
         return re.search(_WORKBOOK, tail) is not None
     if head.startswith(b"%PDF-"):
         return re.search(_PDF, tail) is not None
-    return head.startswith((b"PAR1", b"{")) and re.fullmatch(_SCHEMA, _schema_of(path, head)) is not None
+    return (
+        head.startswith((b"PAR1", b"{"))
+        and re.fullmatch(_SCHEMA, _schema_of(path, head)) is not None
+    )
 
 
 class _Marked(msgspec.Struct):
@@ -134,7 +144,9 @@ def _schema_of(path: Path, head: bytes) -> bytes:
     """Schema that a Parquet or JSON file states, empty for none and for a damaged file."""
     if head.startswith(b"{"):
         try:
-            return msgspec.json.decode(path.read_bytes(), type=_Marked).schema.encode("utf-8", "replace")
+            return msgspec.json.decode(path.read_bytes(), type=_Marked).schema.encode(
+                "utf-8", "replace"
+            )
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
             return b""
     import pyarrow as pa
@@ -147,10 +159,11 @@ def _schema_of(path: Path, head: bytes) -> bytes:
 
 
 def write_whole(path: Path, write: Callable[[Path], object], *, force: bool = False) -> None:
-    """Write a file by a function that is given a temporary path beside it, and rename it into place.
+    """Write a file by a function that is given a temporary path beside it, and rename it into
+    place.
 
-    OutputError if the folder does not exist or cannot be written, or, without `force`, if a file that is there is not this
-    tool's own.
+    OutputError if the folder does not exist or cannot be written, or, without `force`, if a file
+    that is there is not this tool's own.
     """
     path = Path(os.path.realpath(path))  # a link stays a link to what is written
     check_replaceable(path, force=force)
@@ -163,10 +176,11 @@ def write_whole(path: Path, write: Callable[[Path], object], *, force: bool = Fa
 
 
 def write_set(contents: Mapping[Path, bytes], *, without: Iterable[Path] = ()) -> None:
-    """Write several files of one folder: all are whole before the first is put in place, in their order. Files that are
-    there are replaced, also links, but never what a link leads to.
+    """Write several files of one folder: all are whole before the first is put in place, in their
+    order. Files that are there are replaced, also links, but never what a link leads to.
 
-    Outdated files, `without` which the set is whole, are removed. OutputError if one cannot be written; all are then as before.
+    Outdated files, `without` which the set is whole, are removed. OutputError if one cannot be
+    written; all are then as before.
     """
     path = None
     try:
@@ -181,7 +195,9 @@ def write_set(contents: Mapping[Path, bytes], *, without: Iterable[Path] = ()) -
 
 
 def put_in_place(parts: Mapping[Path, Path], *, without: Iterable[Path] = ()) -> None:
-    """Rename whole files into their places, and remove outdated ones before the last, which states the digests of all."""
+    """Rename whole files into their places, and remove outdated ones before the last, which
+    states the digests of all.
+    """
     *first, last = parts.items()
     for part, path in first:
         os.replace(part, path)
@@ -191,12 +207,20 @@ def put_in_place(parts: Mapping[Path, Path], *, without: Iterable[Path] = ()) ->
 
 
 def _not_written(path: object, fault: OSError) -> OutputError:
-    return OutputError(f"{path}: cannot be written ({fault.strerror or fault}); free some space or choose another.")
+    return OutputError(
+        f"{path}: cannot be written ({fault.strerror or fault}); free some space or choose another."
+    )
 
 
 def write_content(path: Path, content: bytes | str, *, force: bool = False) -> None:
-    """Write bytes, or a text as UTF-8, into a file; whole or not at all. Raises as `write_whole`."""
-    write_whole(path, lambda p: p.write_bytes(content.encode() if isinstance(content, str) else content), force=force)
+    """Write bytes, or a text as UTF-8, into a file; whole or not at all. Raises as
+    `write_whole`.
+    """
+    write_whole(
+        path,
+        lambda p: p.write_bytes(content.encode() if isinstance(content, str) else content),
+        force=force,
+    )
 
 
 def json_bytes(record: object) -> bytes:
@@ -205,11 +229,15 @@ def json_bytes(record: object) -> bytes:
 
 
 def check_replaceable(path: Path, *, force: bool) -> None:
-    """Reject to replace what this tool did not write, and a folder; called before long work begins."""
+    """Reject to replace what this tool did not write, and a folder; called before long work
+    begins.
+    """
     if path.is_dir():
         raise OutputError(f"{path}: is a folder; give the name of a file.")
     if path.exists() and not path.is_file():
-        raise OutputError(f"{path}: is a device or a pipe; give the name of a file, or - for standard output.")
+        raise OutputError(
+            f"{path}: is a device or a pipe; give the name of a file, or - for standard output."
+        )
     if not path.parent.is_dir():
         raise OutputError(f"{path}: the folder {path.parent} does not exist; create it first.")
     if force or not path.exists():
@@ -217,7 +245,10 @@ def check_replaceable(path: Path, *, force: bool) -> None:
     try:
         if not is_marked(path):
             raise OutputError(
-                f"{path}: exists and was not written by winchcascade; choose another name or add --force."
+                f"{path}: exists and was not written by winchcascade; choose another name or add "
+                f"--force."
             )
     except OSError as fault:
-        raise OutputError(f"{path}: exists and cannot be read ({fault.strerror}); choose another name.") from None
+        raise OutputError(
+            f"{path}: exists and cannot be read ({fault.strerror}); choose another name."
+        ) from None

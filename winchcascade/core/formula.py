@@ -1,4 +1,6 @@
-"""Formulas of rig files and tables: sums of products, quotients and powers of named quantities and constants."""
+"""Formulas of rig files and tables: sums of products, quotients and powers of named quantities
+and constants.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,8 @@ HIGHEST_POWER = 9
 class Product(msgspec.Struct, frozen=True):
     """One term of a formula: a constant times some quantities, divided by others.
 
-    `constant` is in SI units and has the sign of the term; `scaled` states whether the formula writes a number.
+    `constant` is in SI units and has the sign of the term; `scaled` states whether the formula
+    writes a number.
     """
 
     constant: float
@@ -44,7 +47,9 @@ class Formula(msgspec.Struct, frozen=True):
     @property
     def names(self) -> tuple[str, ...]:
         """Quantities of all terms."""
-        return tuple(dict.fromkeys(name for term in self.terms for name in (*term.times, *term.over)))
+        return tuple(
+            dict.fromkeys(name for term in self.terms for name in (*term.times, *term.over))
+        )
 
 
 def read_formula(
@@ -54,9 +59,11 @@ def read_formula(
     fault: type[WinchcascadeError],
     unit_of: Callable[[str], Unit | None] = find_unit,
 ) -> Formula:
-    """Read a formula; a number without a unit is in SI units, and factors are joined by `*`, by `/` or by a blank.
+    """Read a formula; a number without a unit is in SI units, and factors are joined by `*`, by `/`
+    or by a blank.
 
-    A fault with the place of the text for another text, a name that is not known, or a unit that is none.
+    A fault with the place of the text for another text, a name that is not known, or a unit that is
+    none.
 
     >>> from winchcascade.core.errors import RigError
     >>> read_formula("60 V * i - p / 2", ("i", "p"), "here", RigError).terms
@@ -86,13 +93,22 @@ class _Reader:
         fault: type[WinchcascadeError],
         unit_of: Callable[[str], Unit | None],
     ) -> None:
-        self.text, self.known, self.place, self.fault, self.unit_of, self.end = text, known, place, fault, unit_of, 0
+        self.text, self.known, self.place, self.fault, self.unit_of, self.end = (
+            text,
+            known,
+            place,
+            fault,
+            unit_of,
+            0,
+        )
 
     def reject(self) -> NoReturn:
         """Reject what cannot be read on."""
         raise self.fault(
-            f"{self.place}: {self.text[self.end :].strip()[:40]!r} is no term of a formula; expected names and numbers with "
-            '*, /, ^, +, - and brackets, such as "torque * speed", "60 V * current - loss" or "p / (0.5 rho a u^3)".'
+            f"{self.place}: {self.text[self.end :].strip()[:40]!r} is no term of a formula; "
+            f"expected names and numbers with "
+            '*, /, ^, +, - and brackets, such as "torque * speed", "60 V * current - loss" or "p '
+            '/ (0.5 rho a u^3)".'
         )
 
     def sign(self, *signs: str) -> str:
@@ -134,7 +150,11 @@ class _Reader:
         if not self.sign("^", "**"):
             return base
         down, token = self.sign("-"), _TOKEN.match(self.text, self.end)
-        if token is None or not (token["number"] or "").isdecimal() or not 0 < int(token["number"]) <= HIGHEST_POWER:
+        if (
+            token is None
+            or not (token["number"] or "").isdecimal()
+            or not 0 < int(token["number"]) <= HIGHEST_POWER
+        ):
             self.reject()
         terms: Terms = (Product(1.0),)
         self.end = token.end()
@@ -158,7 +178,9 @@ class _Reader:
             return (Product(1.0, (token["name"],)),)
         value = float(token["number"]) * self.unit()
         if not 0.0 < value < math.inf:
-            raise self.fault(f"{self.place}: {token[0].strip()!r} is no constant; expected a number above 0.")
+            raise self.fault(
+                f"{self.place}: {token[0].strip()!r} is no constant; expected a number above 0."
+            )
         return (Product(value, scaled=True),)
 
     def unit(self) -> float:
@@ -171,7 +193,8 @@ class _Reader:
         unit = self.unit_of(text)
         if unit is None or unit.offset:
             raise self.fault(
-                f"{self.place}: the unit {text!r} is unknown; expected a number, or one with a unit such as V."
+                f"{self.place}: the unit {text!r} is unknown; expected a number, or one with a "
+                f"unit such as V."
             )
         self.end = word.start(1) + len(text)
         return unit.factor
@@ -180,7 +203,9 @@ class _Reader:
 def _times(one: Product, other: Product) -> Product:
     """Product of two terms."""
     scaled = one.scaled or other.scaled
-    return Product(one.constant * other.constant, (*one.times, *other.times), (*one.over, *other.over), scaled)
+    return Product(
+        one.constant * other.constant, (*one.times, *other.times), (*one.over, *other.over), scaled
+    )
 
 
 def _inverse(term: Product) -> Product:

@@ -1,7 +1,8 @@
-"""Integrals, means and extremes of signals over windows, in blocks that stay in the processor's cache; order statistics and
-white noise.
+"""Integrals, means and extremes of signals over windows, in blocks that stay in the processor's
+cache; order statistics and white noise.
 
-`numpy.median` and `numpy.quantile` import numpy's masked arrays, which takes longer than the reduction of a log.
+`numpy.median` and `numpy.quantile` import numpy's masked arrays, which takes longer than the
+reduction of a log.
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ BLOCK = 1 << 17
 """Samples that are worked on at a time."""
 
 ENOUGH = 400_000
-"""Number of samples at the beginning of a log that show the resolution and the noise of a channel."""
+"""Number of samples at the beginning of a log that show the resolution and the noise of a
+channel.
+"""
 
 GAUSS = 1.4826
 """Standard deviation of a normal variable over the median of its magnitude."""
@@ -28,7 +31,8 @@ MIN_SAMPLES = 12
 
 
 def quantile(x: Signal, q: float) -> float:
-    """Quantile of finite values by linear interpolation, as `numpy.quantile` has it; x must not be empty.
+    """Quantile of finite values by linear interpolation, as `numpy.quantile` has it; x must not be
+    empty.
 
     >>> quantile(np.array([4.0, 1.0, 3.0, 2.0]), 0.5)
     2.5
@@ -37,7 +41,9 @@ def quantile(x: Signal, q: float) -> float:
 
 
 def quantiles_in_place(x: Signal, shares: Sequence[float]) -> list[float]:
-    """Quantiles of finite values, by rising shares, as `quantile` gives them, without a copy: x is put into another order."""
+    """Quantiles of finite values, by rising shares, as `quantile` gives them, without a copy: x
+    is put into another order.
+    """
     found, done = [], 0
     for share in shares:
         place = share * (x.size - 1)
@@ -47,14 +53,19 @@ def quantiles_in_place(x: Signal, shares: Sequence[float]) -> list[float]:
 
 
 def _in_order(x: Signal, place: float) -> float:
-    """Value at a place in the order of values, between two places by linear interpolation; NaN comes last.
+    """Value at a place in the order of values, between two places by linear interpolation; NaN
+    comes last.
 
     The values are put into another order.
     """
     low = int(place)
     x.partition(low)  # at one place, and the next by a minimum: two at once take far longer
     value = float(x[low])
-    return value + (place - low) * (float(np.fmin.reduce(x[low + 1 :])) - value) if place > low else value
+    return (
+        value + (place - low) * (float(np.fmin.reduce(x[low + 1 :])) - value)
+        if place > low
+        else value
+    )
 
 
 def median(x: Signal) -> float:
@@ -84,7 +95,8 @@ def stretches_of(mask: Mask) -> Index:
 
 
 def median_and_error(x: Signal) -> tuple[float, float]:
-    """Median and its standard uncertainty by the median deviation, as of values that scatter normally; 0 for a single value.
+    """Median and its standard uncertainty by the median deviation, as of values that scatter
+    normally; 0 for a single value.
 
     >>> median_and_error(np.array([1.0, 2.0, 9.0]))[0]
     2.0
@@ -94,13 +106,17 @@ def median_and_error(x: Signal) -> tuple[float, float]:
 
 
 def positive_median(x: Signal) -> float:
-    """Median of the values above zero, 0 where there is none: the usual interval of stamps, the usual size of changes."""
+    """Median of the values above zero, 0 where there is none: the usual interval of stamps, the
+    usual size of changes.
+    """
     above, rest = np.count_nonzero(x > 0), np.count_nonzero(x <= 0)  # which come first in order
     return _in_order(x.copy(), rest + 0.5 * (above - 1)) if above else 0.0
 
 
 def smallest_step(x: Signal) -> float:
-    """Smallest change between neighbouring samples that is not 0: the resolution of a channel, in its unit."""
+    """Smallest change between neighbouring samples that is not 0: the resolution of a channel,
+    in its unit.
+    """
     changes = np.abs(np.diff(x[:ENOUGH]))
     changes = changes[changes > 0]
     return float(changes.min()) if changes.size else 0.0
@@ -109,15 +125,18 @@ def smallest_step(x: Signal) -> float:
 def white_noise(x: Signal) -> float:
     """Standard deviation of a signal's white noise, in its unit, whatever smooth signal it sits on.
 
-    From its fourth differences, which take out a cubic and most of a ringing that is slow beside the samples, by their median
-    magnitude. A signal that rarely changes has at least the noise of its resolution.
+    From its fourth differences, which take out a cubic and most of a ringing that is slow beside
+    the samples, by their median magnitude. A signal that rarely changes has at least the noise of
+    its resolution.
     """
     if x.size < MIN_SAMPLES:
         return 0.0
     steps = np.abs(np.diff(x))
     changes = steps[steps > 1e-12 * np.max(np.abs(x), initial=1e-300)]
     resolution = float(changes.min()) if changes.size else 0.0
-    return max(float(GAUSS * median(np.abs(np.diff(x, 4))) / np.sqrt(70.0)), resolution / math.sqrt(12.0))
+    return max(
+        float(GAUSS * median(np.abs(np.diff(x, 4))) / np.sqrt(70.0)), resolution / math.sqrt(12.0)
+    )
 
 
 def integrals(t: Signal, stream: Stream, windows: Signal) -> Signal:
@@ -136,7 +155,8 @@ def integrals_of(t: Signal, streams: Sequence[Stream], windows: Signal) -> Signa
     Parameters
     ----------
     t : (n,) stamps that rise [s]
-    streams : each gives a signal for some rows of the log, so that a power need not be made for all of it at once
+    streams : each gives a signal for some rows of the log, so that a power need not be made for all
+        of it at once
     windows : (k, 2) begin and end of each window [s], within the log
 
     Returns
@@ -156,14 +176,18 @@ def integrals_to(t: Signal, streams: Sequence[Stream], ends: Signal) -> Signal:
     whole[:, order] = _running(t, streams, at[order])
     into = ends - t[at]
     half_share = 0.5 * (into / (t[at + 1] - t[at]))
-    for row, stream in zip(whole, streams, strict=True):  # on to each end, along the straight line between two samples
+    for row, stream in zip(
+        whole, streams, strict=True
+    ):  # on to each end, along the straight line between two samples
         before, after = stream(at), stream(at + 1)
         row += into * (before + half_share * (after - before))
     return whole
 
 
 def running(t: Signal, stream: Stream, ends: Index) -> Signal:
-    """Integrate a signal from the first of some samples, (k,) in rising order, to each of them, (k,)."""
+    """Integrate a signal from the first of some samples, (k,) in rising order, to each of them,
+    (k,).
+    """
     return np.asarray(_running(t, [stream], ends)[0])
 
 
@@ -177,24 +201,32 @@ def _running(t: Signal, streams: Sequence[Stream], ends: Index) -> Signal:
         first, last = np.searchsorted(ends, (start, stop), side="right")
         cuts = np.concatenate(([0], ends[first:last] - start))
         without_length = np.flatnonzero(cuts[1:] == cuts[:-1])
-        area = np.zeros(interval.size + 1)  # one more than there are steps, so that a cut may lie at the very end
+        area = np.zeros(
+            interval.size + 1
+        )  # one more than there are steps, so that a cut may lie at the very end
         for row, stream in zip(steps, streams, strict=True):
             x = stream(slice(start, stop + 1))
             np.multiply(x[1:] + x[:-1], interval, out=area[:-1])
             parts = np.add.reduceat(area, cuts)
-            parts[without_length] = 0.0  # reduceat gives the sample itself for a part without length
+            parts[without_length] = (
+                0.0  # reduceat gives the sample itself for a part without length
+            )
             row[first : last + 1] += parts[: ends.size - first]
     return np.cumsum(0.5 * steps, axis=1)
 
 
 def means_of(t: Signal, streams: Sequence[Stream], windows: Signal) -> Signal:
-    """Time means of several signals over the same windows, (m, k), in their units; NaN for a window without length."""
+    """Time means of several signals over the same windows, (m, k), in their units; NaN for a
+    window without length.
+    """
     length = windows[:, 1] - windows[:, 0]
     return integrals_of(t, streams, windows) / np.where(length > 0, length, np.nan)
 
 
 def extremes(t: Signal, x: Signal, windows: Signal) -> tuple[Signal, Signal]:
-    """Minimum and maximum sample in each of k windows in order of time; the next one for a window between two samples."""
+    """Minimum and maximum sample in each of k windows in order of time; the next one for a
+    window between two samples.
+    """
     first = np.minimum(np.searchsorted(t, windows[:, 0], side="left"), t.size - 1)
     last = np.maximum(np.searchsorted(t, windows[:, 1], side="right"), first + 1)
     if first.size == 0:

@@ -1,7 +1,8 @@
-"""Run many small jobs: on threads, on processes of this machine or on an existing Dask scheduler; and the end of a process.
+"""Run many small jobs: on threads, on processes of this machine or on an existing Dask scheduler;
+and the end of a process.
 
-A job that fails is a value: its outcome carries the fault as a sentence, and the others go on. Threads help because numpy,
-scipy and the compiled steps release the interpreter while they work.
+A job that fails is a value: its outcome carries the fault as a sentence, and the others go on.
+Threads help because numpy, scipy and the compiled steps release the interpreter while they work.
 """
 
 from __future__ import annotations
@@ -47,28 +48,35 @@ _CURSOR = "\r\x1b[?25h"
 """Shows the cursor of a terminal again, which a bar of progress hides."""
 
 _UNTIDY = "ignore:resource_tracker"
-"""Option of Python by which the helper process of a pool removes its semaphores without a warning."""
+"""Option of Python by which the helper process of a pool removes its semaphores without a
+warning.
+"""
 
 _threads = 2
 """Threads of `all_at_once`; `set_threads` changes the number."""
 
 
 def set_threads(count: int) -> None:
-    """Set the number of threads of `all_at_once` in this process; for commands with an option for it."""
+    """Set the number of threads of `all_at_once` in this process; for commands with an option
+    for it.
+    """
     global _threads
     _threads = count
 
 
 def one_thread_each() -> None:
-    """Keep linear algebra on one thread, before it is imported: its matrices are small, and threads make each solve slower."""
+    """Keep linear algebra on one thread, before it is imported: its matrices are small, and
+    threads make each solve slower.
+    """
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
 
 
 @contextmanager
 def linear_algebra_on_one_thread() -> Iterator[None]:
-    """Do so while the context or the decorated function lasts, also where linear algebra is imported already: the threads of
-    `all_at_once` use the processors, and where other programs run, more threads make a solve a hundred times slower.
+    """Do so while the context or the decorated function lasts, also where linear algebra is
+    imported already: the threads of `all_at_once` use the processors, and where other programs run,
+    more threads make a solve a hundred times slower.
     """
     from threadpoolctl import threadpool_limits
 
@@ -77,7 +85,8 @@ def linear_algebra_on_one_thread() -> Iterator[None]:
 
 
 def side_by_side(one: Callable[[], A], other: Callable[[], B], *, samples: int) -> tuple[A, B]:
-    """Run two jobs and give both results, on a thread each where the arrays are long enough to gain by it.
+    """Run two jobs and give both results, on a thread each where the arrays are long enough to gain
+    by it.
 
     >>> side_by_side(lambda: 1, lambda: "a", samples=10)
     (1, 'a')
@@ -100,15 +109,19 @@ def all_at_once(jobs: Sequence[Callable[[], A]], sizes: Sequence[float] | None =
     if len(jobs) < 2 or _threads < 2:
         return [job() for job in jobs]
     with ThreadPoolExecutor(_threads) as pool:
-        order = range(len(jobs)) if sizes is None else sorted(range(len(jobs)), key=lambda k: -sizes[k])
+        order = (
+            range(len(jobs)) if sizes is None else sorted(range(len(jobs)), key=lambda k: -sizes[k])
+        )
         running = {k: pool.submit(jobs[k]) for k in order}
         return [running[k].result() for k in range(len(jobs))]
 
 
 class Outcome(msgspec.Struct, Generic[Done], frozen=True):
-    """Outcome of one job: its place in the sequence, and its value or the sentence on why there is none.
+    """Outcome of one job: its place in the sequence, and its value or the sentence on why there is
+    none.
 
-    `rejected` distinguishes an input that cannot be used from a lack of space or memory, after which the same job may work.
+    `rejected` distinguishes an input that cannot be used from a lack of space or memory, after
+    which the same job may work.
     """
 
     place: int
@@ -142,7 +155,9 @@ def processes() -> int:
 
 
 class Workers(msgspec.Struct, frozen=True):
-    """Where jobs run: on a number of processes of this machine, or on a Dask scheduler at an address."""
+    """Where jobs run: on a number of processes of this machine, or on a Dask scheduler at an
+    address.
+    """
 
     processes: int = 1
     scheduler: str | None = None
@@ -150,21 +165,30 @@ class Workers(msgspec.Struct, frozen=True):
     def run(
         self, work: Callable[[Job], Done], orders: Mapping[str, Job], watch: Watch
     ) -> Iterator[tuple[str, Outcome[Done]]]:
-        """Carry out orders by their names, and report each one that is done. Raises as `run_there`."""
+        """Carry out orders by their names, and report each one that is done. Raises as
+        `run_there`.
+        """
         names, jobs = list(orders), list(orders.values())
         here = self.scheduler is None
-        outcomes = run_here(work, jobs, workers=self.processes) if here else run_there(work, jobs, str(self.scheduler))
+        outcomes = (
+            run_here(work, jobs, workers=self.processes)
+            if here
+            else run_there(work, jobs, str(self.scheduler))
+        )
         for outcome in outcomes:
             yield names[outcome.place], outcome
             watch.done(names[outcome.place], outcome.fault)
 
 
-def run_here(work: Callable[[Job], Done], jobs: Sequence[Job], *, workers: int) -> Iterator[Outcome[Done]]:
-    """Run jobs on processes of this machine, in this one if a single worker is wanted; outcomes come in any order.
+def run_here(
+    work: Callable[[Job], Done], jobs: Sequence[Job], *, workers: int
+) -> Iterator[Outcome[Done]]:
+    """Run jobs on processes of this machine, in this one if a single worker is wanted; outcomes
+    come in any order.
 
-    `work` is a function of a module: processes are spawned, never forked, so it works alike on every system. Where one dies
-    (without memory, for example), what is not done yet is tried once more, each job in a process of its own. OptionError if no
-    process can be started.
+    `work` is a function of a module: processes are spawned, never forked, so it works alike on
+    every system. Where one dies (without memory, for example), what is not done yet is tried once
+    more, each job in a process of its own. OptionError if no process can be started.
     """
     workers = min(workers, len(jobs), MAX_WORKERS)
     if workers <= 1:
@@ -173,8 +197,12 @@ def run_here(work: Callable[[Job], Done], jobs: Sequence[Job], *, workers: int) 
     left = dict(enumerate(jobs))
     with _pool(workers) as pool, suppress(BrokenProcessPool):
         with _interrupts_blocked():
-            done = as_completed([pool.submit(_tried, work, place, job) for place, job in enumerate(jobs)])
-        for future in done:  # nothing else holds a future, so that an outcome that was used takes no memory
+            done = as_completed(
+                [pool.submit(_tried, work, place, job) for place, job in enumerate(jobs)]
+            )
+        for (
+            future
+        ) in done:  # nothing else holds a future, so that an outcome that was used takes no memory
             outcome = future.result()
             del left[outcome.place]
             yield outcome
@@ -183,19 +211,25 @@ def run_here(work: Callable[[Job], Done], jobs: Sequence[Job], *, workers: int) 
 
 
 def _alone(work: Callable[[Job], Done], place: int, job: Job) -> Outcome[Done]:
-    """Outcome of a job in a process of its own; OptionError where no process starts, as of a script without a guard."""
+    """Outcome of a job in a process of its own; OptionError where no process starts, as of a
+    script without a guard.
+    """
     with _pool(1) as pool:
         try:
             pool.submit(os.getpid).result()
         except BrokenProcessPool:
             raise OptionError(
-                "no further process can be started; work with one (jobs=1, or --jobs 1). A script that uses several is a "
+                "no further process can be started; work with one (jobs=1, or --jobs 1). A script "
+                "that uses several is a "
                 'file, and guards its start by if __name__ == "__main__".'
             ) from None
         try:
             return pool.submit(_tried, work, place, job).result()
         except BrokenProcessPool:
-            return Outcome(place, fault="the process that worked on it was killed twice; is there enough memory?")
+            return Outcome(
+                place,
+                fault="the process that worked on it was killed twice; is there enough memory?",
+            )
 
 
 def _tried(work: Callable[[Job], Done], place: int, job: Job) -> Outcome[Done]:
@@ -205,14 +239,22 @@ def _tried(work: Callable[[Job], Done], place: int, job: Job) -> Outcome[Done]:
     except WinchcascadeError as fault:
         return Outcome(place, fault=str(fault), rejected=not isinstance(fault, OutputError))
     except OSError as fault:
-        return Outcome(place, fault=f"{fault.filename or 'a file'}: cannot be used ({fault.strerror or fault}).")
+        return Outcome(
+            place,
+            fault=f"{fault.filename or 'a file'}: cannot be used ({fault.strerror or fault}).",
+        )
     except Exception as fault:
-        return Outcome(place, fault=f"a fault of this program: {type(fault).__name__}: {fault}. Please report it.")
+        return Outcome(
+            place,
+            fault=f"a fault of this program: {type(fault).__name__}: {fault}. Please report it.",
+        )
 
 
 @contextmanager
 def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """A pool of spawned processes that end with this one; what has not begun when the context ends does not begin."""
+    """A pool of spawned processes that end with this one; what has not begun when the context
+    ends does not begin.
+    """
     pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_quietly)
     try:
         yield pool
@@ -222,7 +264,9 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
 
 @contextmanager
 def _interrupts_blocked() -> Iterator[None]:
-    """Keep interrupts from processes that are started now, for as long as they run: the one that starts them handles it."""
+    """Keep interrupts from processes that are started now, for as long as they run: the one that
+    starts them handles it.
+    """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -250,10 +294,11 @@ def _end_with_parent() -> None:
 
 
 def end_on_signals(sentences: Mapping[signal.Signals, str]) -> None:
-    """End this process at a signal, without its scratch, with the sentence given for it, if any, on standard error.
+    """End this process at a signal, without its scratch, with the sentence given for it, if any, on
+    standard error.
 
-    The process ends past Python: an exception that is raised at any place may be dropped, wrapped or printed by whatever runs
-    there, such as an import, a callback or the collection of garbage.
+    The process ends past Python: an exception that is raised at any place may be dropped, wrapped
+    or printed by whatever runs there, such as an import, a callback or the collection of garbage.
     """
 
     def end(number: int, _frame: FrameType | None) -> None:
@@ -267,11 +312,15 @@ def end_on_signals(sentences: Mapping[signal.Signals, str]) -> None:
     if _UNTIDY not in sys.warnoptions:
         sys.warnoptions.append(_UNTIDY)
     for number in ENDING:
-        if signal.getsignal(number) is not signal.SIG_IGN:  # whoever started this process wants it to go on
+        if (
+            signal.getsignal(number) is not signal.SIG_IGN
+        ):  # whoever started this process wants it to go on
             signal.signal(number, end)
 
 
-def run_there(work: Callable[[Job], Done], jobs: Sequence[Job], scheduler: str) -> Iterator[Outcome[Done]]:
+def run_there(
+    work: Callable[[Job], Done], jobs: Sequence[Job], scheduler: str
+) -> Iterator[Outcome[Done]]:
     """Run jobs on an existing Dask scheduler; outcomes come in any order.
 
     OptionError if Dask is not installed, or the scheduler cannot be reached.
@@ -285,9 +334,13 @@ def run_there(work: Callable[[Job], Done], jobs: Sequence[Job], scheduler: str) 
     try:
         client = Client(scheduler, timeout=CONNECT, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, TimeoutError, ValueError) as fault:
-        raise OptionError(f"--scheduler {scheduler}: cannot be reached ({first_line(fault)}); {such}") from None
+        raise OptionError(
+            f"--scheduler {scheduler}: cannot be reached ({first_line(fault)}); {such}"
+        ) from None
     with client:
-        futures = [client.submit(_tried, work, place, job, pure=False) for place, job in enumerate(jobs)]
+        futures = [
+            client.submit(_tried, work, place, job, pure=False) for place, job in enumerate(jobs)
+        ]
         places = {future.key: place for place, future in enumerate(futures)}
         for future in as_completed(futures, loop=client.loop):  # type: ignore[no-untyped-call]
             if future.status == "finished":

@@ -14,20 +14,28 @@ HEADER_BYTES = 116
 
 
 def matlab_bytes(name: str, record: dict[str, Any]) -> bytes:
-    """A MATLAB file (level 5) with one struct; its header names this tool in place of the time, which would differ."""
+    """A MATLAB file (level 5) with one struct; its header names this tool in place of the time,
+    which would differ.
+    """
     from scipy.io import savemat
 
     file: Any = io.BytesIO()
     savemat(file, {name: _matlab(record)}, oned_as="column", long_field_names=True)
-    header = f"MATLAB 5.0 MAT-file, written by winchcascade/{__version__}".encode().ljust(HEADER_BYTES)
+    header = f"MATLAB 5.0 MAT-file, written by winchcascade/{__version__}".encode().ljust(
+        HEADER_BYTES
+    )
     content: bytes = file.getvalue()
     return header + content[HEADER_BYTES:]
 
 
 def _matlab(value: Any) -> Any:
-    """A value as MATLAB holds it: lists of texts as cells, lists of numbers as columns, nothing as an empty array."""
+    """A value as MATLAB holds it: lists of texts as cells, lists of numbers as columns, nothing
+    as an empty array.
+    """
     if isinstance(value, dict):
         return {name: _matlab(inner) for name, inner in value.items()}
     if isinstance(value, list):
-        return np.array(value, dtype=object if any(isinstance(x, str) for x in value) else np.float64)
+        return np.array(
+            value, dtype=object if any(isinstance(x, str) for x in value) else np.float64
+        )
     return np.zeros((0, 0)) if value is None else value

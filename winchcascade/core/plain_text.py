@@ -1,4 +1,6 @@
-"""Make texts from files safe to print: names may contain control characters, which a terminal obeys; list some of many."""
+"""Make texts from files safe to print: names may contain control characters, which a terminal
+obeys; list some of many.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,8 @@ from collections.abc import Sequence
 
 
 def one_line(text: str) -> str:
-    """Text in one line: a blank for each other space, a question mark for each character that cannot be printed.
+    """Text in one line: a blank for each other space, a question mark for each character that
+    cannot be printed.
 
     >>> one_line("Force\\x1b[31m\\t(N)")
     'Force?[31m (N)'
@@ -33,9 +36,11 @@ def printable(text: str) -> str:
 
 
 def lines(text: str) -> str:
-    """Text as `printable` has it, with a blank in whatever a runner of GitHub would take for a command.
+    """Text as `printable` has it, with a blank in whatever a runner of GitHub would take for a
+    command.
 
-    A runner reads what a step prints: a command begins a line with two colons, or follows ##[ anywhere.
+    A runner reads what a step prints: a command begins a line with two colons, or follows ##[
+    anywhere.
 
     >>> lines("a title\\n  ::error::of it, and ##[debug]more")
     'a title\\n  : :error::of it, and ## [debug]more'
@@ -48,7 +53,8 @@ _FORMULA = "=+-@\t\r"
 
 
 def cell_text(text: str) -> str:
-    """Text for a cell of a table that a spreadsheet opens: an apostrophe before what it would take for a formula.
+    """Text for a cell of a table that a spreadsheet opens: an apostrophe before what it would take
+    for a formula.
 
     Numbers stay as they are, and so does a dash for a missing one.
 

@@ -1,6 +1,8 @@
-"""A number with unit and source, and the units that logs and rig files may name, of the table `units.toml`.
+"""A number with unit and source, and the units that logs and rig files may name, of the table
+`units.toml`.
 
-Inside the program every number is in SI units; other units appear only where files are read or written.
+Inside the program every number is in SI units; other units appear only where files are read or
+written.
 """
 
 from __future__ import annotations
@@ -28,7 +30,9 @@ TURN = 6.283185307179586
 
 
 class Unit(msgspec.Struct, frozen=True):
-    """A unit as ``SI value = factor * value + offset``; the dimension is a word that channels share."""
+    """A unit as ``SI value = factor * value + offset``; the dimension is a word that channels
+    share.
+    """
 
     dimension: str
     factor: float
@@ -40,18 +44,25 @@ def _plain(text: str) -> str:
     return unicodedata.normalize("NFKC", text.strip()).translate(_FOLDED)
 
 
-_FOLDED = str.maketrans(dict.fromkeys("·⋅•∙*×", ".") | dict.fromkeys("^ ", "") | dict.fromkeys("⁻\u2212", "-"))
+_FOLDED = str.maketrans(
+    dict.fromkeys("·⋅•∙*×", ".") | dict.fromkeys("^ ", "") | dict.fromkeys("⁻\u2212", "-")
+)
 
 
 _BY_DIMENSION: dict[str, list[tuple[Unit, list[str]]]] = {
     dimension: [
-        (Unit(dimension, *(size if isinstance(size, list) else (size,))), names.split()) for names, size in rows.items()
+        (Unit(dimension, *(size if isinstance(size, list) else (size,))), names.split())
+        for names, size in rows.items()
     ]
-    for dimension, rows in tomllib.loads((Path(__file__).parent / "units.toml").read_text(encoding="utf-8")).items()
+    for dimension, rows in tomllib.loads(
+        (Path(__file__).parent / "units.toml").read_text(encoding="utf-8")
+    ).items()
 }
 """Units of each dimension with their spellings, as `units.toml` beside this module lists them."""
 
-UNITS = {_plain(name): unit for rows in _BY_DIMENSION.values() for unit, names in rows for name in names}
+UNITS = {
+    _plain(name): unit for rows in _BY_DIMENSION.values() for unit, names in rows for name in names
+}
 """Every unit that a log or a rig file may name; pressures are gauge unless named as absolute."""
 
 _FOLDED_CASE: dict[str, Unit | None] = {}
@@ -62,7 +73,8 @@ for _name, _unit in UNITS.items():
 
 @lru_cache(4096)
 def find_unit(text: str) -> Unit | None:
-    """Find a unit in the table, in another case if only one fits then; None for one it does not hold.
+    """Find a unit in the table, in another case if only one fits then; None for one it does not
+    hold.
 
     >>> find_unit("kgf/cm²").dimension, find_unit("N·m").factor, find_unit("meters per second").factor, find_unit("furlong")
     ('pressure', 1.0, 1.0, None)
@@ -71,9 +83,13 @@ def find_unit(text: str) -> Unit | None:
     if plain in UNITS or plain == "mPa":
         return UNITS.get(plain)
     spelled = (plain, _PER.sub("/", text), plain.replace("_", "/"))
-    forms = dict.fromkeys((*map(_plain, spelled), *(_PLURAL.sub("", _plain(form)) for form in spelled)))
+    forms = dict.fromkeys(
+        (*map(_plain, spelled), *(_PLURAL.sub("", _plain(form)) for form in spelled))
+    )
     exact = (UNITS[form] for form in forms if form in UNITS)
-    return next(exact, None) or next(filter(None, (_FOLDED_CASE.get(form.casefold()) for form in forms)), None)
+    return next(exact, None) or next(
+        filter(None, (_FOLDED_CASE.get(form.casefold()) for form in forms)), None
+    )
 
 
 _PER = re.compile(r"[\s_]+per[\s_]+", re.IGNORECASE)
@@ -82,7 +98,8 @@ _PLURAL = re.compile(r"(?<=[a-z]{3})s(?=/|$)", re.IGNORECASE)
 
 
 def read_as(unit: Unit | None, dimension: str) -> Unit | None:
-    """Read a unit as one of a dimension: a frequency counts revolutions where a rotation is expected; None for any other.
+    """Read a unit as one of a dimension: a frequency counts revolutions where a rotation is
+    expected; None for any other.
 
     >>> read_as(find_unit("Hz"), "rotation"), read_as(find_unit("N"), "rotation")
     (Unit(dimension='rotation', factor=6.283185307179586, offset=0.0), None)
@@ -93,7 +110,9 @@ def read_as(unit: Unit | None, dimension: str) -> Unit | None:
 
 
 def is_load(ohm: float) -> bool:
-    """Whether a number is a load: above 0, of a size that exists, or inf for an open circuit. [ohm]"""
+    """Whether a number is a load: above 0, of a size that exists, or inf for an open circuit.
+    [ohm]
+    """
     return 0.0 < ohm < 1e12 or ohm == float("inf")
 
 
@@ -119,14 +138,17 @@ def si_unit(dimension: str) -> str:
 
 def unit_names(dimension: str) -> dict[float, str]:
     """Units of a dimension by their factor, as texts."""
-    return {unit.factor: names[0] for unit, names in _BY_DIMENSION.get(dimension, []) if not unit.offset}
+    return {
+        unit.factor: names[0] for unit, names in _BY_DIMENSION.get(dimension, []) if not unit.offset
+    }
 
 
 class Quantity(msgspec.Struct, frozen=True):
-    """A number in SI units with its source and, where it is known, one standard uncertainty `u` in the same unit.
+    """A number in SI units with its source and, where it is known, one standard uncertainty `u` in
+    the same unit.
 
-    `calibrated` records where a number comes from that `calibrate` wrote. `rectangular`: the rig file states limits of the
-    maker, whose half width is sqrt(3) u.
+    `calibrated` records where a number comes from that `calibrate` wrote. `rectangular`: the rig
+    file states limits of the maker, whose half width is sqrt(3) u.
     """
 
     value: float
@@ -138,14 +160,18 @@ class Quantity(msgspec.Struct, frozen=True):
 
     @property
     def prior(self) -> Quantity:
-        """The number before its first calibration; itself, without a record, where it was not stated before."""
+        """The number before its first calibration; itself, without a record, where it was not
+        stated before.
+        """
         if self.calibrated is None:
             return self
         return self.calibrated.prior or msgspec.structs.replace(self, calibrated=None)
 
 
 class Calibrated(msgspec.Struct, frozen=True):
-    """Log of a calibrated number, and the number before its first calibration, None where the rig file stated none."""
+    """Log of a calibrated number, and the number before its first calibration, None where the
+    rig file stated none.
+    """
 
     log: str
     sha256: str

@@ -1,4 +1,6 @@
-"""Read rig files, built-in or your own, as a Rig; a wrong entry becomes a fault of one sentence with its place."""
+"""Read rig files, built-in or your own, as a Rig; a wrong entry becomes a fault of one sentence
+with its place.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ DEFAULT_RIG = "hsu2026"
 _FOLDER = Path(__file__).parent.parent / "rigfiles"
 
 OTHER_MACHINE = 0.1
-"""Share by which the constant k_e of another machine deviates: limits of makers for one machine are 10 %. [1]"""
+"""Share by which the constant k_e of another machine deviates: limits of makers for one machine
+are 10 %. [1]
+"""
 
 ERRORS = "errors"
 """Table under [sensors] with effects that are errors of sensors."""
@@ -65,9 +69,11 @@ def built_in(name: str = DEFAULT_RIG) -> Rig:
 
 
 def read_rig(rig: str | Path) -> Rig:
-    """Read a rig file, or the built-in rig of that name where no such file exists; RigError names what is wrong.
+    """Read a rig file, or the built-in rig of that name where no such file exists; RigError names
+    what is wrong.
 
-    Effects that the file states are read as they are; `rig.load_rig` compares them with the catalogue.
+    Effects that the file states are read as they are; `rig.load_rig` compares them with the
+    catalogue.
     """
     path = Path(rig)
     if isfile(path):
@@ -75,22 +81,27 @@ def read_rig(rig: str | Path) -> Rig:
     if str(rig) in BUILT_IN:
         return built_in(str(rig))
     raise RigError(
-        f"rig {str(rig)!r}: no such file and no built-in rig of that name; give a rig file or one of "
+        f"rig {str(rig)!r}: no such file and no built-in rig of that name; give a rig file or one "
+        f"of "
         f"{', '.join(BUILT_IN)} (`winchcascade rig hsu2026 > rig.toml` writes one to start from)."
     )
 
 
 def first_named(*names: str | Path | None, read: Callable[[str | Path], Rig] = read_rig) -> Rig:
-    """Read the first rig that is named; that of the paper, as assumed, if none is. Raises RigError as `read`.
+    """Read the first rig that is named; that of the paper, as assumed, if none is. Raises RigError
+    as `read`.
 
     >>> first_named(None, "kitepower").name, first_named(None).assumed
     ('kitepower', True)
     """
-    return next((read(name) for name in names if name is not None), None) or replace(built_in(), assumed=True)
+    return next((read(name) for name in names if name is not None), None) or replace(
+        built_in(), assumed=True
+    )
 
 
 def given_rig(call: str, rig: Rig | None, usual: Rig | None = None) -> Rig:
-    """The rig that a call of the library was given, else the usual one, of a run, else that of the paper, as assumed.
+    """The rig that a call of the library was given, else the usual one, of a run, else that of the
+    paper, as assumed.
 
     OptionError if something else than a rig was given.
     """
@@ -100,46 +111,76 @@ def given_rig(call: str, rig: Rig | None, usual: Rig | None = None) -> Rig:
 
 
 def parse_rig(text: str, where: str) -> Rig:
-    """Turn the text of a rig file into a Rig; `where` names the file in the one sentence of a RigError.
+    """Turn the text of a rig file into a Rig; `where` names the file in the one sentence of a
+    RigError.
 
-    `based_on = "hsu2026"` takes everything that the file does not state from that built-in rig, but for sizes of its motion and
-    its machine: thresholds with a dimension, and the rated values of another machine. Entries are read table by table: what
-    has a unit becomes a number in SI units, and the struct of the table checks the rest.
+    `based_on = "hsu2026"` takes everything that the file does not state from that built-in rig, but
+    for sizes of its motion and its machine: thresholds with a dimension, and the rated values of
+    another machine. Entries are read table by table: what has a unit becomes a number in SI units,
+    and the struct of the table checks the rest.
     """
     raw = toml_values(text, where, RigError)
     base = raw.pop("based_on", None)
     if base is not None:
         if base not in BUILT_IN:
-            raise RigError(f"{where}: based_on = {base!r} is no built-in rig; expected one of {', '.join(BUILT_IN)}.")
+            raise RigError(
+                f"{where}: based_on = {base!r} is no built-in rig; expected one of "
+                f"{', '.join(BUILT_IN)}."
+            )
         below = toml_values(built_in_text(str(base)), str(base), RigError)
         raw = _merged(_without_sizes(_without_other_parts(below, raw), raw, where), raw)
     texts, tables = ("name", "title", "source", "note"), ("sensors", "channels", "effects", "stage")
-    check_keys(raw, (*texts, *PARTS, *tables, "columns", "cascade", "laws", "log"), f"{where}:", RigError)
-    sensors, channels, effects, stages = (
-        convert(raw.get(name, {}), dict[str, Table], f"{where}: {name}", RigError) for name in tables
+    check_keys(
+        raw, (*texts, *PARTS, *tables, "columns", "cascade", "laws", "log"), f"{where}:", RigError
     )
-    own = {name: _channel(name, table, f"{where}: [channels.{name}]") for name, table in channels.items()}
+    sensors, channels, effects, stages = (
+        convert(raw.get(name, {}), dict[str, Table], f"{where}: {name}", RigError)
+        for name in tables
+    )
+    own = {
+        name: _channel(name, table, f"{where}: [channels.{name}]")
+        for name, table in channels.items()
+    }
     known = {**CHANNELS, **own}
-    errors = convert(sensors.pop(ERRORS, {}), dict[str, Table], f"{where}: [sensors.{ERRORS}]", RigError)
+    errors = convert(
+        sensors.pop(ERRORS, {}), dict[str, Table], f"{where}: [sensors.{ERRORS}]", RigError
+    )
     check_keys(sensors, known, f"{where}: [sensors]", RigError)
     log: _Log = convert(raw.get("log", {}), _Log, f"{where}: [log]", RigError)
     read = {
         **{name: raw[name] for name in texts if name in raw},
-        **{name: _part(raw.get(name, {}), kind, f"{where}: [{name}]") for name, kind in PARTS.items()},
-        "sensors": {name: _sensor(one, known[name], f"{where}: [sensors.{name}]") for name, one in sensors.items()},
+        **{
+            name: _part(raw.get(name, {}), kind, f"{where}: [{name}]")
+            for name, kind in PARTS.items()
+        },
+        "sensors": {
+            name: _sensor(one, known[name], f"{where}: [sensors.{name}]")
+            for name, one in sensors.items()
+        },
         "columns": read_columns(raw.get("columns", {}), known, where, {}),
         "channels": own,
-        "effects": {name: _effect(one, f"{where}: [effects.{name}]") for name, one in effects.items()}
-        | {name: _effect(one, f"{where}: [sensors.{ERRORS}.{name}]", of_a_sensor=True) for name, one in errors.items()},
-        "laws": convert(raw.get("laws", {}), dict[str, dict[str, StatedLaw]], f"{where}: laws", RigError),
+        "effects": {
+            name: _effect(one, f"{where}: [effects.{name}]") for name, one in effects.items()
+        }
+        | {
+            name: _effect(one, f"{where}: [sensors.{ERRORS}.{name}]", of_a_sensor=True)
+            for name, one in errors.items()
+        },
+        "laws": convert(
+            raw.get("laws", {}), dict[str, dict[str, StatedLaw]], f"{where}: laws", RigError
+        ),
         "cascade": read_cascade(raw.get("cascade"), stages, known, where),
         "sample_rate": log.sample_rate_hz,
         "path": where,
     }
     rig: Rig = convert(read, Rig, f"{where}:", RigError)
-    if any(column.side == "generator" for column in rig.columns.values()) and rig.drivetrain.gear_ratio is None:
+    if (
+        any(column.side == "generator" for column in rig.columns.values())
+        and rig.drivetrain.gear_ratio is None
+    ):
         raise RigError(
-            f'{where}: [columns] speed: side = "generator" needs the gear ratio; add gear_ratio under [drivetrain], with '
+            f'{where}: [columns] speed: side = "generator" needs the gear ratio; add gear_ratio '
+            f"under [drivetrain], with "
             'the value 1 for a direct drive, or side = "shaft".'
         )
     return rig
@@ -152,8 +193,9 @@ class _Log(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def _without_other_parts(base: Mapping[str, object], over: Mapping[str, object]) -> Table:
-    """Tables of the rig below without what belongs to parts that the rig above has not: numbers and pressure sensor of a
-    restoring module of another kind, and the mesh efficiency of a gear where the machine is on the shaft of the drum.
+    """Tables of the rig below without what belongs to parts that the rig above has not: numbers and
+    pressure sensor of a restoring module of another kind, and the mesh efficiency of a gear where
+    the machine is on the shaft of the drum.
     """
     kinds = [_entry(rig, "restoring", "kind", Restoring().kind) for rig in (base, over)]
     kept = dict(base)
@@ -166,13 +208,21 @@ def _without_other_parts(base: Mapping[str, object], over: Mapping[str, object])
 
 
 def _without_sizes(base: Mapping[str, object], over: Mapping[str, object], where: str) -> Table:
-    """Tables of the rig below without the thresholds that have a dimension, and without rated values if the rig above states
-    the constant k_e of another machine.
+    """Tables of the rig below without the thresholds that have a dimension, and without rated
+    values if the rig above states the constant k_e of another machine.
     """
-    kept = {**base, "thresholds": _without_entry(base, "thresholds", *measures(Thresholds), "rpm_bin")}
-    measure, machines = measures(Generator)["k_e"], [_entry(rig, "generator", "k_e", None) for rig in (base, over)]
+    kept = {
+        **base,
+        "thresholds": _without_entry(base, "thresholds", *measures(Thresholds), "rpm_bin"),
+    }
+    measure, machines = (
+        measures(Generator)["k_e"],
+        [_entry(rig, "generator", "k_e", None) for rig in (base, over)],
+    )
     if None not in machines:
-        below, above = (_quantity(number, f"{where}: [generator] k_e", measure).value for number in machines)
+        below, above = (
+            _quantity(number, f"{where}: [generator] k_e", measure).value for number in machines
+        )
         if abs(above - below) > OTHER_MACHINE * below:
             kept["generator"] = _without_entry(base, "generator", "i_rated", "speed_rated")
     return kept
@@ -181,7 +231,11 @@ def _without_sizes(base: Mapping[str, object], over: Mapping[str, object], where
 def _without_entry(rig: Mapping[str, object], table: str, *names: str) -> Table:
     """A table of a rig file without some of its entries."""
     entries = rig.get(table)
-    return {key: value for key, value in entries.items() if key not in names} if isinstance(entries, Mapping) else {}
+    return (
+        {key: value for key, value in entries.items() if key not in names}
+        if isinstance(entries, Mapping)
+        else {}
+    )
 
 
 def _entry(rig: Mapping[str, object], table: str, name: str, absent: object) -> object:
@@ -191,9 +245,13 @@ def _entry(rig: Mapping[str, object], table: str, name: str, absent: object) -> 
 
 
 def _merged(base: Mapping[str, object], over: Mapping[str, object]) -> Table:
-    """Lay one table over another; what has a unit or a name is replaced whole, so that no old number clings to it."""
+    """Lay one table over another; what has a unit or a name is replaced whole, so that no old
+    number clings to it.
+    """
     loads = {"load_u_percent", "load_limits_percent"}
-    merged = {key: value for key, value in base.items() if not (key in loads and loads & over.keys())}
+    merged = {
+        key: value for key, value in base.items() if not (key in loads and loads & over.keys())
+    }
     for key, value in over.items():
         below = base.get(key)
         if (
@@ -212,13 +270,16 @@ def _unit(text: str, dimension: str, place: str) -> Unit:
     unit = read_as(unit, dimension) if dimension else unit
     if unit is None:
         raise RigError(
-            f"{place}: the unit {text!r} is none of {dimension.replace('_', ' ') or 'those that are known'}."
+            f"{place}: the unit {text!r} is none of "
+            f"{dimension.replace('_', ' ') or 'those that are known'}."
         )
     return unit
 
 
 def _part(raw: object, kind: Any, place: str) -> Any:
-    """Read a table by the struct that declares its entries: numbers with a unit first, then all others."""
+    """Read a table by the struct that declares its entries: numbers with a unit first, then all
+    others.
+    """
     table: Table = dict(convert(raw, Table, place, RigError))
     for name, measure in measures(kind).items():
         stated = table.get(name)
@@ -230,11 +291,15 @@ def _part(raw: object, kind: Any, place: str) -> Any:
 
 
 UNCERTAINTIES = ("u", "u_percent", "limits", "limits_percent")
-"""Keys of the uncertainty of a number, of which one is stated: a standard uncertainty, or the maker's +- limits."""
+"""Keys of the uncertainty of a number, of which one is stated: a standard uncertainty, or the
+maker's +- limits.
+"""
 
 
 class _Calibrated(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Where a calibrated number comes from: a log with its SHA-256, and the number as it was before."""
+    """Where a calibrated number comes from: a log with its SHA-256, and the number as it was
+    before.
+    """
 
     log: str
     sha256: Annotated[str, Meta(pattern="^([0-9a-f]{64})?$")]
@@ -256,7 +321,9 @@ class _Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def __post_init__(self) -> None:
         """Reject several uncertainties: ValueError."""
         if len(self.uncertainties) > 1:
-            raise ValueError(f"{' and '.join(self.uncertainties)} are both there; expected one of them.")
+            raise ValueError(
+                f"{' and '.join(self.uncertainties)} are both there; expected one of them."
+            )
 
     @property
     def uncertainties(self) -> dict[str, float]:
@@ -265,14 +332,19 @@ class _Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def _quantity(raw: object, place: str, measure: Measure) -> Quantity:
-    """Read a number with unit, source and uncertainty in SI units; limits are those of a rectangular distribution."""
+    """Read a number with unit, source and uncertainty in SI units; limits are those of a
+    rectangular distribution.
+    """
     if not isinstance(raw, dict):
         raise RigError(
-            f'{place} is {shown(raw)}; expected a table with its unit, such as {{ value = 1.5, unit = "m" }}.'
+            f"{place} is {shown(raw)}; expected a table with its unit, such as {{ value = 1.5, "
+            f'unit = "m" }}.'
         )
     number: _Number = convert(raw, _Number, place, RigError)
     unit = _unit(number.unit, measure.dimension, place)
-    value: float = convert(number.value * unit.factor + unit.offset, measure.si, f"{place} in SI units", RigError)
+    value: float = convert(
+        number.value * unit.factor + unit.offset, measure.si, f"{place} in SI units", RigError
+    )
     u, limits = None, False
     for key, stated in number.uncertainties.items():
         limits = key.startswith("limits")
@@ -289,10 +361,13 @@ def _quantity(raw: object, place: str, measure: Measure) -> Quantity:
 
 
 def _channel(name: str, table: Table, place: str) -> Channel:
-    """A channel of the rig's own; its unit decides what is measured, and a power may name it, such as `torque * pump`."""
+    """A channel of the rig's own; its unit decides what is measured, and a power may name it,
+    such as `torque * pump`.
+    """
     if name in CHANNELS or name == "time" or not name.isidentifier():
         raise RigError(
-            f"{place}: expected a name of letters, digits and underscores that no built-in channel has; those are time, "
+            f"{place}: expected a name of letters, digits and underscores that no built-in "
+            f"channel has; those are time, "
             f"{', '.join(CHANNELS)}."
         )
     check_keys(table, ("unit",), place, RigError)
@@ -306,7 +381,8 @@ def _sensor(table: Table, channel: Channel, place: str) -> Sensor:
     unit = _unit(sensor.unit, channel.dimension, place)
     if unit.dimension == "pressure" and unit.offset and (sensor.low, sensor.high) != (None, None):
         raise RigError(
-            f"{place} unit {sensor.unit!r} does not count from the zero of the channel; give the range as gauge pressure, "
+            f"{place} unit {sensor.unit!r} does not count from the zero of the channel; give the "
+            f"range as gauge pressure, "
             'such as low = 0, high = 20, unit = "bar".'
         )
     in_si = {
@@ -329,9 +405,13 @@ def read_columns(
     columns = {name: column for name, column in others.items() if name not in stated}
     for name, table in stated.items():
         place = f"{where}: [columns] {name}"
-        column: Column = convert(table if isinstance(table, dict) else {"name": table}, Column, place, RigError)
+        column: Column = convert(
+            table if isinstance(table, dict) else {"name": table}, Column, place, RigError
+        )
         dimension = "time" if name == "time" else known[name].dimension
-        if column.unit is not None and find_unit(column.unit) is not None:  # a log may name it in words of its own
+        if (
+            column.unit is not None and find_unit(column.unit) is not None
+        ):  # a log may name it in words of its own
             _unit(column.unit, dimension, place)
         for other, taken in columns.items():
             for shared in (*column.names, column.number):
@@ -342,16 +422,25 @@ def read_columns(
 
 
 def _effect(table: Table, place: str, *, of_a_sensor: bool = False) -> StatedEffect:
-    """An effect of the rig or of a sensor; each field is a number or a table, with a unit its numbers are read in SI units."""
+    """An effect of the rig or of a sensor; each field is a number or a table, with a unit its
+    numbers are read in SI units.
+    """
     fields = {}
     for key, raw in table.items():
         if key == "logs":
             continue
         number: EffectNumber = convert(
-            raw if isinstance(raw, dict) else {"value": raw}, EffectNumber, f"{place} {key}", RigError
+            raw if isinstance(raw, dict) else {"value": raw},
+            EffectNumber,
+            f"{place} {key}",
+            RigError,
         )
         factor = _unit(number.unit, "", f"{place} {key}").factor if number.unit else 1.0
-        ends = {end: factor * value for end in ("value", "low", "high") if (value := getattr(number, end)) is not None}
+        ends = {
+            end: factor * value
+            for end in ("value", "low", "high")
+            if (value := getattr(number, end)) is not None
+        }
         fields[key] = replace(number, **ends)
     logs = convert(table.get("logs", ()), tuple[str, ...], f"{place} logs", RigError)
     return StatedEffect(fields, logs, of_a_sensor)

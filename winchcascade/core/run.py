@@ -21,7 +21,9 @@ LOAD_HEADER = "Load (ohm)"
 """Last column of a simulated log: the load of its run in every row, inf for an open circuit."""
 
 SIMULATED_HEADERS = ("Generator speed (rpm)", "Stator current (A rms)", "Air-gap torque (N.m)")
-"""Columns that all together mark a log as simulated: a rig may measure one of them, as the speed of its generator."""
+"""Columns that all together mark a log as simulated: a rig may measure one of them, as the speed
+of its generator.
+"""
 
 if TYPE_CHECKING:
     import numpy as np
@@ -33,7 +35,9 @@ if TYPE_CHECKING:
 else:
 
     class Signal:
-        """Array of numbers, numpy.float64; a name alone, so that a module that imports it does not import numpy."""
+        """Array of numbers, numpy.float64; a name alone, so that a module that imports it does
+        not import numpy.
+        """
 
     class Index:
         """Array of places, numpy.intp."""
@@ -53,15 +57,19 @@ FindingKind = Literal[
 ]  # fmt: skip
 
 CLOCK = "clock"
-"""Key in `Run.gaps` of the gaps that concern every channel: rows that were never logged or could not be kept."""
+"""Key in `Run.gaps` of the gaps that concern every channel: rows that were never logged or could
+not be kept.
+"""
 
 Repairs = Literal["on", "off"]
-"""Whether faults of a log are repaired; `off` keeps what was logged and lists what would be repaired."""
+"""Whether faults of a log are repaired; `off` keeps what was logged and lists what would be
+repaired.
+"""
 
 
 class Repair(msgspec.Struct, frozen=True):
-    """What a finding changed of a log, or would change: how, how many samples (0: none was taken out), the first and the last
-    time of each place [s], and whether it was done.
+    """What a finding changed of a log, or would change: how, how many samples (0: none was taken
+    out), the first and the last time of each place [s], and whether it was done.
     """
 
     what: str
@@ -73,9 +81,10 @@ class Repair(msgspec.Struct, frozen=True):
 class Finding(msgspec.Struct, frozen=True):
     """One thing that is wrong with a log: where, how much, and what was done about it.
 
-    `start` and `end` are times on the log's clock [s]; `removed` counts the samples that the finding took out of the
-    measurement (bridged, left out or never logged), 0 where the data were kept as they are. `columns` are the names of columns
-    that are no channel. `repair` is what was changed of the log, where the action alone does not describe it.
+    `start` and `end` are times on the log's clock [s]; `removed` counts the samples that the
+    finding took out of the measurement (bridged, left out or never logged), 0 where the data were
+    kept as they are. `columns` are the names of columns that are no channel. `repair` is what was
+    changed of the log, where the action alone does not describe it.
     """
 
     kind: FindingKind
@@ -102,7 +111,9 @@ class Finding(msgspec.Struct, frozen=True):
         return Repair(self.action, self.removed, spans)
 
     def at_times(self, t: Signal, other: Signal) -> Finding:
-        """The finding on another clock: `other` has the times of the samples that `t` has on this one, (n,) each. [s]"""
+        """The finding on another clock: `other` has the times of the samples that `t` has on
+        this one, (n,) each. [s]
+        """
         import numpy as np
 
         if self.start is None or self.end is None:
@@ -115,7 +126,8 @@ class Finding(msgspec.Struct, frozen=True):
         return msgspec.structs.replace(self, start=start, end=end, repair=repair)
 
     def lost_share(self, samples: int) -> float:
-        """Share of the samples that it removed from a log with this number of rows; rows that were never logged count, too.
+        """Share of the samples that it removed from a log with this number of rows; rows that were
+        never logged count, too.
 
         >>> Finding("dropped_samples", "", "", removed=30).lost_share(10), Finding("spike", "", "", removed=1).lost_share(10)
         (0.75, 0.1)
@@ -125,36 +137,48 @@ class Finding(msgspec.Struct, frozen=True):
 
 
 FINDINGS = Expected("a tuple of findings", lambda value: isinstance(value, tuple))
-RIG = Expected("a rig, as load_rig(name) gives it, or None", lambda value: value is None or isinstance(value, Rig))
+RIG = Expected(
+    "a rig, as load_rig(name) gives it, or None",
+    lambda value: value is None or isinstance(value, Rig),
+)
 
 
 class Run(Viewed, frozen=True):
-    """One log, checked when it was read: stamps rise, every channel is finite, and what was bridged is known.
+    """One log, checked when it was read: stamps rise, every channel is finite, and what was bridged
+    is known.
 
     Parameters
     ----------
     name : file name, for messages
     t : (n,) stamps on the log's own clock, for stamped logs since the first sample [s]
-    channels : (n,) each, by the names of `CHANNELS` and of the rig's own channels, SI units, payout positive; pressure is
-        gauge [Pa], `speed` is that of the shaft with the torque sensor [rad/s]; any of them may be absent, the velocity too
-    gaps : (k, 2) each, by channel or `CLOCK`: last good and first good stamp around what was bridged [s]
+    channels : (n,) each, by the names of `CHANNELS` and of the rig's own channels, SI units, payout
+        positive; pressure is gauge [Pa], `speed` is that of the shaft with the torque sensor
+        [rad/s]; any of them may be absent, the velocity too
+    gaps : (k, 2) each, by channel or `CLOCK`: last good and first good stamp around what was
+        bridged [s]
     fs : sampling rate without the gaps [Hz]
     samples : rows of the log, before any was left out
     about : title of its campaign
     table : name of the sheet, variable or group that was read, None for a file that is one table
-    simulated : carries the columns by which `simulate` marks its logs; a log without that mark may be simulated too
-    origin : whether the data are measured, as the campaign states it or the mark of `simulate`, and where they come from
-    labels : (n,) 1 in payout, -1 in haul-in, 0 elsewhere, where the rig file names a column of phases
+    simulated : carries the columns by which `simulate` marks its logs; a log without that mark may
+        be simulated too
+    origin : whether the data are measured, as the campaign states it or the mark of `simulate`, and
+        where they come from
+    labels : (n,) 1 in payout, -1 in haul-in, 0 elsewhere, where the rig file names a column of
+        phases
     signs : -1 for each channel that is logged with the opposite sign, and was turned
     first_stamp : date and time of the first sample as the log writes it, where its stamps are texts
     load : resistance at the DC link; inf is an open circuit, None unknown or no load at all [ohm]
-    started : when the run began, on a clock that the runs of a campaign share: since 1970, of local times as if they were UTC;
-        None where neither the campaign nor the stamps state a date [s]
+    started : when the run began, on a clock that the runs of a campaign share: since 1970, of local
+        times as if they were UTC; None where neither the campaign nor the stamps state a date [s]
     temperature : of winding or housing, one number for the run, None where it is unknown [K]
-    rig : with which the log was read, marked as assumed where none was named; None for a run that was not read
-    window, cycles : rule or length [s] of the integration windows, first and last cycle that count, as the campaign that lists
-        the log states them; `reduce` uses them where it is given no others
-    repairs : "off" where the channels are as they were logged, and the findings list what would be repaired
+    rig : with which the log was read, marked as assumed where none was named; None for a run that
+        was not read
+    window, cycles : rule or length [s] of the integration windows, first and last cycle that count,
+        as the campaign that lists the log states them; `reduce` uses them where it is given no
+        others
+    repairs : "off" where the channels are as they were logged, and the findings list what would be
+        repaired
     """
 
     name: str
@@ -191,7 +215,9 @@ class Run(Viewed, frozen=True):
             ("findings", self.findings, FINDINGS), ("cycles", self.cycles, CYCLES), ("rig", self.rig, RIG),
         )  # fmt: skip
         if not isinstance(self.channels, SealedChannels) or not self.channels.fits(self.t, self.fs):
-            for name, value in checked_arrays(self.name, self.t, self.channels, self.labels, self.fs).items():
+            for name, value in checked_arrays(
+                self.name, self.t, self.channels, self.labels, self.fs
+            ).items():
                 msgspec.structs.force_setattr(self, name, value)
 
     def __repr__(self) -> str:
@@ -204,9 +230,14 @@ class Run(Viewed, frozen=True):
         OptionError if xarray is not installed, which winchcascade does not need.
         """
         if not is_installed("xarray"):
-            raise OptionError("to_xarray needs xarray, which is not installed; install it with pip install xarray.")
+            raise OptionError(
+                "to_xarray needs xarray, which is not installed; install it with pip install "
+                "xarray."
+            )
         known = CHANNELS if self.rig is None else self.rig.known_channels
-        units = {name: si_unit(known[name].dimension) if name in known else "1" for name in self.channels}
+        units = {
+            name: si_unit(known[name].dimension) if name in known else "1" for name in self.channels
+        }
         channels = {name: ("time", x, {"units": units[name]}) for name, x in self.channels.items()}
         time = {"time": ("time", self.t, {"units": "s"})}
         return import_module("xarray").Dataset(channels, time, {"name": self.name})

@@ -1,8 +1,9 @@
-"""The characteristic scales of a campaign: what its speeds, times, forces and currents are compared with.
+"""The characteristic scales of a campaign: what its speeds, times, forces and currents are compared
+with.
 
-By similarity (Buckingham 1914) a rig of another size obeys the same laws in other units. What decides a result
-is therefore a share of one of these scales or a number of the rig file. Nature fixes a few sizes alone: the
-atmosphere, the density of air, the drop of a diode.
+By similarity (Buckingham 1914) a rig of another size obeys the same laws in other units. What
+decides a result is therefore a share of one of these scales or a number of the rig file. Nature
+fixes a few sizes alone: the atmosphere, the density of air, the drop of a diode.
 """
 
 from __future__ import annotations
@@ -22,20 +23,26 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Run, Signal
 
 MOVES = 0.2
-"""The line moves above this share of its largest speed; a stroke is more than this share of the longest one, and a payout
-faster than this share of a haul-in. [1]"""
+"""The line moves above this share of its largest speed; a stroke is more than this share of the
+longest one, and a payout faster than this share of a haul-in. [1]"""
 
 TOP = 0.9
-"""Quantile of the speed of a moving line that is its top speed: braking and noise leave it alone. [1]"""
+"""Quantile of the speed of a moving line that is its top speed: braking and noise leave it
+alone. [1]
+"""
 
 RAMP = (0.1, 0.9)
 """Shares of the top speed between which a ramp lasts, as rise times are given. [1]"""
 
 SHORT = 0.25
-"""Quantile of the ramps of a log that is resolved: as many are shorter, single stops among them. [1]"""
+"""Quantile of the ramps of a log that is resolved: as many are shorter, single stops among them.
+[1]
+"""
 
 SHORTEST = 1 / 80
-"""Shortest ramp as a share of the time of a stroke: a step of the velocity is no time to resolve. [1]"""
+"""Shortest ramp as a share of the time of a stroke: a step of the velocity is no time to
+resolve. [1]
+"""
 
 CREEPS = 0.05
 """A payout is faster than this share of the haul-in: less is noise about rest. [1]"""
@@ -44,7 +51,9 @@ NO_RAMP = 0.1
 """Ramp of a line that never stops, as a share of the time of a stroke. [1]"""
 
 SHORTED = 0.1
-"""Rated current, where it is not stated, over that of the shorted machine at high speed: as that of the paper. [1]"""
+"""Rated current, where it is not stated, over that of the shorted machine at high speed: as that
+of the paper. [1]
+"""
 
 SILICON = 0.7
 """Drop of a silicon diode, of a rig file that states none. [V]"""
@@ -56,7 +65,8 @@ class MotionScale(msgspec.Struct, frozen=True):
     Parameters
     ----------
     speed : largest top speed of a payout, without any that of a haul-in [m/s]
-    ramp : time in which the line passes from a tenth to nine tenths of its top speed, or back, where it is quick [s]
+    ramp : time in which the line passes from a tenth to nine tenths of its top speed, or back,
+        where it is quick [s]
     stroke : median distance that it moves in one direction [m]
     """
 
@@ -90,7 +100,11 @@ def motion_of_log(t: Signal, v: Signal) -> MotionScale | None:
         return None
     stroke = max(_stroke(t, v, top), 1e-9 * top * float(t[-1] - t[0]))
     times = _ramps(t, np.abs(v) / top)
-    ramp = float(np.sort(times)[int(SHORT * (times.size - 1))]) if times.size else NO_RAMP * stroke / top
+    ramp = (
+        float(np.sort(times)[int(SHORT * (times.size - 1))])
+        if times.size
+        else NO_RAMP * stroke / top
+    )
     speed = payout if payout > CREEPS * top else top
     return MotionScale(speed, max(ramp, SHORTEST * stroke / top), stroke)
 
@@ -102,8 +116,8 @@ def _top(speed: Signal) -> float:
 
 
 def _stroke(t: Signal, v: Signal, top: float) -> float:
-    """Median travel of the stretches in which a line moves in one direction, without short ones: neither many strokes of one
-    direction nor the drift of a zero add up. [m]
+    """Median travel of the stretches in which a line moves in one direction, without short ones:
+    neither many strokes of one direction nor the drift of a zero add up. [m]
     """
     side = np.where(np.abs(v) > RAMP[0] * top, np.sign(v), 0.0)
     first = np.flatnonzero(np.diff(side, prepend=0.0))
@@ -113,7 +127,9 @@ def _stroke(t: Signal, v: Signal, top: float) -> float:
 
 
 def _ramps(t: Signal, speed: Signal) -> Signal:
-    """Times in which the speed, as a share of its top, passes from one of `RAMP` to the other, (k,). [s]"""
+    """Times in which the speed, as a share of its top, passes from one of `RAMP` to the other,
+    (k,). [s]
+    """
     side = np.where(speed < RAMP[0], -1, np.where(speed > RAMP[1], 1, 0))
     ends = np.flatnonzero(side)
     begin, end = (ends[:-1], ends[1:]) if ends.size else (ends, ends)
@@ -131,24 +147,32 @@ def _passed(t: Signal, x: Signal, k: np.ndarray, level: Signal) -> Signal:
 
 
 def motion_of_runs(runs: Iterable[Run]) -> MotionScale:
-    """Scales of the motion of several logs: the largest top speed, the median ramp and stroke; of 1 where none moves."""
-    each = [motion_of_log(run.t, run.channels["velocity"]) for run in runs if "velocity" in run.channels]
+    """Scales of the motion of several logs: the largest top speed, the median ramp and stroke;
+    of 1 where none moves.
+    """
+    each = [
+        motion_of_log(run.t, run.channels["velocity"]) for run in runs if "velocity" in run.channels
+    ]
     known = [motion for motion in each if motion is not None]
     if not known:
         return MotionScale(1.0, 1.0, 1.0)
-    speeds, ramps, strokes = (np.array([getattr(one, name) for one in known]) for name in MotionScale.__struct_fields__)
+    speeds, ramps, strokes = (
+        np.array([getattr(one, name) for one in known]) for name in MotionScale.__struct_fields__
+    )
     return MotionScale(float(speeds.max()), median(ramps), median(strokes))
 
 
 class Scales(msgspec.Struct, frozen=True):
-    """Scales of a campaign on a rig, SI units; NaN where the rig file lacks a number that one follows from.
+    """Scales of a campaign on a rig, SI units; NaN where the rig file lacks a number that one
+    follows from.
 
     Parameters
     ----------
     motion : of the line
     current : rated stator current, rms [A]
     torque_rotor : torque of the machine at that current [N m]
-    torque : the same on the PTO shaft, `torque_drum` with that of the restoring module, at the drum [N m]
+    torque : the same on the PTO shaft, `torque_drum` with that of the restoring module, at the drum
+        [N m]
     omega_rotor, omega_drum : speeds at the top speed of the line [rad/s]
     voltage : back-EMF there, line to line, rms [V]
     thrust : of the gas on the piston at zero payout, of a spring or a counterweight its force [N]
@@ -192,7 +216,8 @@ class Scales(msgspec.Struct, frozen=True):
         return self.torque_drum * self.omega_drum / self.speed
 
     def of(self, name: str) -> float:
-        """A product of scales and of inverse ones: `torque_rotor / omega_rotor`; 1 for no name. [SI]
+        """A product of scales and of inverse ones: `torque_rotor / omega_rotor`; 1 for no name.
+        [SI]
 
         >>> Scales(MotionScale(2.0, 1.0, 1.0), *[4.0] * 12).of("torque * ramp / omega_drum")
         1.0
@@ -230,7 +255,9 @@ def scales_of(rig: Rig, motion: MotionScale) -> Scales:
 
 
 def rated_current(rig: Rig) -> float:
-    """Rated stator current of a rig, rms: as stated, or from k_e and reactance; NaN where these are not stated. [A]"""
+    """Rated stator current of a rig, rms: as stated, or from k_e and reactance; NaN where these
+    are not stated. [A]
+    """
     machine = rig.generator
     if machine.i_rated is not None:
         return machine.i_rated.value

@@ -8,20 +8,27 @@ from winchcascade.core.integrate import BLOCK, median
 from winchcascade.core.run import Index, Mask, Signal
 
 EVEN = 0.05
-"""Intervals that differ from the usual one by less than this share count as even: the fit moves by far less than noise."""
+"""Intervals that differ from the usual one by less than this share count as even: the fit moves
+by far less than noise.
+"""
 
 _CELLS = 2_000_000
-"""Size of the matrices in which uneven stretches are fitted, so that a long log needs no more memory than a short one."""
+"""Size of the matrices in which uneven stretches are fitted, so that a long log needs no more
+memory than a short one.
+"""
 
 _MAX_NEIGHBOURS = 1000
-"""Neighbours that a quadratic is fitted to: stamps that crowd would cost the square of their number."""
+"""Neighbours that a quadratic is fitted to: stamps that crowd would cost the square of their
+number.
+"""
 
 
 def local_quadratic(t: Signal, x: Signal, width: float) -> Signal:
-    """Smooth a signal by a quadratic fitted around each sample (Savitzky and Golay 1964), at that sample's stamp.
+    """Smooth a signal by a quadratic fitted around each sample (Savitzky and Golay 1964), at that
+    sample's stamp.
 
-    Evenly stamped stretches are convolved; near gaps, uneven stamps and both ends the quadratic is fitted to the stamps
-    that lie within half a width on either side.
+    Evenly stamped stretches are convolved; near gaps, uneven stamps and both ends the quadratic is
+    fitted to the stamps that lie within half a width on either side.
 
     Parameters
     ----------
@@ -54,7 +61,9 @@ def local_quadratic(t: Signal, x: Signal, width: float) -> Signal:
 
 
 def smoothing_weights(half: int) -> Signal:
-    """Weights of the value at the middle of 2 half + 1 even samples (Savitzky and Golay 1964, Table I)."""
+    """Weights of the value at the middle of 2 half + 1 even samples (Savitzky and Golay 1964,
+    Table I).
+    """
     k = np.arange(-half, half + 1.0)
     weights = 3.0 * (3.0 * half * half + 3.0 * half - 1.0 - 5.0 * k * k)
     return weights / ((2.0 * half - 1.0) * (2.0 * half + 1.0) * (2.0 * half + 3.0))
@@ -68,10 +77,14 @@ def evenly_stamped(t: Signal, half: int) -> Mask:
 
 
 def _uneven(t: Signal, usual: float) -> Index:
-    """Intervals that are not the usual one, block by block, so that a long log needs no more memory."""
+    """Intervals that are not the usual one, block by block, so that a long log needs no more
+    memory.
+    """
     starts = range(0, t.size - 1, BLOCK)
     deviations = (np.abs(np.diff(t[start : start + BLOCK + 1]) - usual) for start in starts)
-    return np.concatenate([np.flatnonzero(d > EVEN * usual) + k for k, d in zip(starts, deviations, strict=True)])
+    return np.concatenate(
+        [np.flatnonzero(d > EVEN * usual) + k for k, d in zip(starts, deviations, strict=True)]
+    )
 
 
 def _near(breaks: Index, half: int, n: int) -> Index:
@@ -88,7 +101,9 @@ def _near(breaks: Index, half: int, n: int) -> Index:
 
 
 def _fit(t: Signal, x: Signal, where: Index, half_width: float) -> Signal:
-    """Value, at each sample, of the quadratic through its neighbours within `half_width` [s]; of many every so-manyth."""
+    """Value, at each sample, of the quadratic through its neighbours within `half_width` [s]; of
+    many every so-manyth.
+    """
     first = np.searchsorted(t, t[where] - half_width, side="left")
     last = np.searchsorted(t, t[where] + half_width, side="right")
     every = np.maximum(-(-(last - first) // _MAX_NEIGHBOURS), 1)
@@ -106,11 +121,17 @@ def _fit(t: Signal, x: Signal, where: Index, half_width: float) -> Signal:
 
 
 def _value_at_zero(u: Signal, y: Signal, inside: Mask, otherwise: Signal) -> Signal:
-    """Constant of the least-squares quadratic in u, row by row; `otherwise` where fewer than three points determine it."""
+    """Constant of the least-squares quadratic in u, row by row; `otherwise` where fewer than
+    three points determine it.
+    """
     s0 = inside.sum(axis=1).astype(np.float64)
     s1, s2, s3, s4 = (np.sum(u**k, axis=1) for k in (1, 2, 3, 4))
     b0, b1, b2 = y.sum(axis=1), np.sum(u * y, axis=1), np.sum(u * u * y, axis=1)
     minor_0, minor_1, minor_2 = s2 * s4 - s3 * s3, s1 * s4 - s2 * s3, s1 * s3 - s2 * s2
     determinant = s0 * minor_0 - s1 * minor_1 + s2 * minor_2
     sound = determinant > 1e-9 * s0**3
-    return np.where(sound, (b0 * minor_0 - b1 * minor_1 + b2 * minor_2) / np.where(sound, determinant, 1.0), otherwise)
+    return np.where(
+        sound,
+        (b0 * minor_0 - b1 * minor_1 + b2 * minor_2) / np.where(sound, determinant, 1.0),
+        otherwise,
+    )

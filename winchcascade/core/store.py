@@ -1,4 +1,6 @@
-"""Folders of results that a later call completes: one call at a time, a digest for each result, and nothing outside of them."""
+"""Folders of results that a later call completes: one call at a time, a digest for each result,
+and nothing outside of them.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +19,20 @@ from winchcascade.core.files import clear, is_scratch, removed_at_end
 INDEX = "index.html"
 """Page that lists what a folder of results holds."""
 
-CAMPAIGN_RECORD, CAMPAIGN_PAGE, CAMPAIGN_WORKBOOK = "campaign.json", "campaign.html", "campaign.xlsx"
+CAMPAIGN_RECORD, CAMPAIGN_PAGE, CAMPAIGN_WORKBOOK = (
+    "campaign.json",
+    "campaign.html",
+    "campaign.xlsx",
+)
 """Record, report and tables of a whole campaign."""
 
 CAMPAIGN_FILES = (CAMPAIGN_RECORD, CAMPAIGN_PAGE, "campaign.pdf", CAMPAIGN_WORKBOOK)
 """Files of a whole campaign, beside its dataset."""
 
 DIAGNOSIS_RECORD = "diagnosis.json"
-"""Record of the diagnosis of a campaign; it states how the other files were made, and is written last."""
+"""Record of the diagnosis of a campaign; it states how the other files were made, and is written
+last.
+"""
 
 DIAGNOSIS_FILES = ("diagnosis.html", "diagnosis.pdf", DIAGNOSIS_RECORD)
 """Files of a diagnosis."""
@@ -33,15 +41,16 @@ LOCK = ".winchcascade.lock"
 """File that a call locks while it works in a folder."""
 
 State = Literal["kept", "altered", "other"]
-"""State of a result: an earlier call made it from the same input with the same options; it did, but the content does not match
-the digest; neither."""
+"""State of a result: an earlier call made it from the same input with the same options; it did, but
+the content does not match the digest; neither."""
 
 _SILENT = 10.0
 """A call that waits longer than this reports it. [s]"""
 
 
 class Kept(msgspec.Struct, frozen=True):
-    """How an earlier call made an output: by which key, and the digest of each file made with its record, by its name.
+    """How an earlier call made an output: by which key, and the digest of each file made with its
+    record, by its name.
 
     The key is a digest of all that the output depends on: inputs, options and version.
     """
@@ -51,10 +60,11 @@ class Kept(msgspec.Struct, frozen=True):
 
 
 class Output(msgspec.Struct, frozen=True):
-    """An output in a folder of results: a record, which is JSON, and the files that are wanted with it.
+    """An output in a folder of results: a record, which is JSON, and the files that are wanted with
+    it.
 
-    The last `entry` of the record states how it was made; `key` is that of the output as it would be made now. The entry names
-    files without the `prefix` that their names have in the folder.
+    The last `entry` of the record states how it was made; `key` is that of the output as it would
+    be made now. The entry names files without the `prefix` that their names have in the folder.
     """
 
     record: str
@@ -65,8 +75,9 @@ class Output(msgspec.Struct, frozen=True):
 
 
 class Present(msgspec.Struct, frozen=True):
-    """What is there of an output: whether all of it is as it would be made now, its unchanged files with their digests, and
-    the names of wanted ones that were changed after an earlier call had made them.
+    """What is there of an output: whether all of it is as it would be made now, its unchanged files
+    with their digests, and the names of wanted ones that were changed after an earlier call had
+    made them.
     """
 
     kept: bool = False
@@ -76,10 +87,11 @@ class Present(msgspec.Struct, frozen=True):
 
 @contextmanager
 def locked(folder: Path, waiting: Callable[[Path], None]) -> Iterator[None]:
-    """Keep every other call out of a folder until the context ends; the lock ends with the process, however that ends. What
-    killed calls left there is removed.
+    """Keep every other call out of a folder until the context ends; the lock ends with the process,
+    however that ends. What killed calls left there is removed.
 
-    `waiting` is called with the folder if this call waits for another one for some time. OutputError if it cannot be locked.
+    `waiting` is called with the folder if this call waits for another one for some time.
+    OutputError if it cannot be locked.
     """
     from filelock import FileLock, Timeout
 
@@ -92,11 +104,14 @@ def locked(folder: Path, waiting: Callable[[Path], None]) -> Iterator[None]:
             lock.acquire()
     except OSError as fault:
         raise OutputError(
-            f"{folder}: cannot be locked against other calls ({fault.strerror or fault}); choose a folder that can be "
+            f"{folder}: cannot be locked against other calls ({fault.strerror or fault}); choose "
+            f"a folder that can be "
             "written and, if this one is on a network, one on a disk of this machine."
         ) from None
     try:
-        with removed_at_end(folder / LOCK):  # whoever waits for it sees that it is gone and makes a new one
+        with removed_at_end(
+            folder / LOCK
+        ):  # whoever waits for it sees that it is gone and makes a new one
             clear(folder)
             yield
     finally:
@@ -104,15 +119,18 @@ def locked(folder: Path, waiting: Callable[[Path], None]) -> Iterator[None]:
 
 
 def foreign(folder: Path) -> list[str]:
-    """Names in a folder other than the lock and scratch files, sorted; none if there is no folder."""
+    """Names in a folder other than the lock and scratch files, sorted; none if there is no
+    folder.
+    """
     if not folder.is_dir():
         return []
     return sorted(name for name in os.listdir(folder) if name != LOCK and not is_scratch(name))
 
 
 def make_folder(folder: Path, *, ours: bool, what: str, force: bool) -> None:
-    """Make a folder of results; OutputError for one that holds something else, unless it is `ours` from an earlier call or has
-    the lock of a call that has begun. `what` it is a folder of is for the message.
+    """Make a folder of results; OutputError for one that holds something else, unless it is `ours`
+    from an earlier call or has the lock of a call that has begun. `what` it is a folder of is for
+    the message.
     """
     if not force and not ours and not (folder / LOCK).exists() and foreign(folder):
         raise not_empty(folder, what)
@@ -121,24 +139,35 @@ def make_folder(folder: Path, *, ours: bool, what: str, force: bool) -> None:
 
 def not_empty(folder: Path, what: str) -> OutputError:
     """The fault of a folder that holds something else than results."""
-    return OutputError(f"{folder}: is not empty and no folder of {what}; give --out a new folder or add --force.")
+    return OutputError(
+        f"{folder}: is not empty and no folder of {what}; give --out a new folder or add --force."
+    )
 
 
 def make_one(folder: Path, choose: str) -> None:
-    """Make a folder if it does not exist; OutputError, with what to choose instead, if that is not possible."""
+    """Make a folder if it does not exist; OutputError, with what to choose instead, if that is
+    not possible.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
-        raise OutputError(f"{folder}: the folder cannot be made ({fault.strerror}); choose {choose}.") from None
+        raise OutputError(
+            f"{folder}: the folder cannot be made ({fault.strerror}); choose {choose}."
+        ) from None
 
 
 def inside(folder: Path, name: str) -> Path:
-    """Place of a file or folder within a folder of results, by its name there; OutputError if it or a link leads elsewhere."""
+    """Place of a file or folder within a folder of results, by its name there; OutputError if it
+    or a link leads elsewhere.
+    """
     path = folder / name
-    real = Path(os.path.realpath(path))  # unlike Path.resolve, it raises nothing for a link to itself
+    real = Path(
+        os.path.realpath(path)
+    )  # unlike Path.resolve, it raises nothing for a link to itself
     if not name or not real.is_relative_to(os.path.realpath(folder)):
         raise OutputError(
-            f"{folder}: {name!r} leads out of this folder, in which alone results are read and written. Remove the link, or "
+            f"{folder}: {name!r} leads out of this folder, in which alone results are read and "
+            f"written. Remove the link, or "
             "make the results again."
         )
     return path
@@ -156,7 +185,9 @@ def digest_of(content: bytes) -> str:
 
 
 def fingerprint(path: str | Path) -> str:
-    """SHA-256 of the content of a file; empty for one that cannot be read, and for a pipe or a folder."""
+    """SHA-256 of the content of a file; empty for one that cannot be read, and for a pipe or a
+    folder.
+    """
     try:
         if not Path(path).is_file():  # a pipe would keep its reader waiting
             return ""
@@ -167,11 +198,15 @@ def fingerprint(path: str | Path) -> str:
 
 
 def altered(folder: Path, digests: Mapping[str, str]) -> list[str]:
-    """Names of the files whose content is not that of their digest; one that is missing is among them."""
+    """Names of the files whose content is not that of their digest; one that is missing is among
+    them.
+    """
     return [name for name, digest in digests.items() if fingerprint(inside(folder, name)) != digest]
 
 
-def with_digest(record: Mapping[str, object], entry: str, about: Mapping[str, object], *, indent: int = 0) -> bytes:
+def with_digest(
+    record: Mapping[str, object], entry: str, about: Mapping[str, object], *, indent: int = 0
+) -> bytes:
     """A record as JSON with a last entry that ends in the digest of all before it.
 
     >>> digest_in(with_digest({"mean": 1.0}, "batch", {"key": "a"}))
@@ -185,7 +220,9 @@ def with_digest(record: Mapping[str, object], entry: str, about: Mapping[str, ob
 
 
 def digest_in(content: bytes) -> State:
-    """Whether a record holds what was written, by the digest within its last entry; "other" for one without a digest."""
+    """Whether a record holds what was written, by the digest within its last entry; "other" for
+    one without a digest.
+    """
     try:
         record = msgspec.json.decode(content)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
@@ -194,19 +231,31 @@ def digest_in(content: bytes) -> State:
     if not isinstance(about, dict) or "sha256" not in about:
         return "other"
     digest = about.pop("sha256")
-    earlier = content.replace(str(digest).encode(), b"0" * 64)  # a digest of the bytes, with zeros in its place
-    return "kept" if digest in (digest_of(msgspec.json.encode(record)), digest_of(earlier)) else "altered"
+    earlier = content.replace(
+        str(digest).encode(), b"0" * 64
+    )  # a digest of the bytes, with zeros in its place
+    return (
+        "kept"
+        if digest in (digest_of(msgspec.json.encode(record)), digest_of(earlier))
+        else "altered"
+    )
 
 
 def kept(record: Path, entry: str) -> Kept | Literal["altered", "other"]:
-    """Read how an earlier call made a record; "other" if it does not state that, "altered" if it was changed since."""
+    """Read how an earlier call made a record; "other" if it does not state that, "altered" if it
+    was changed since.
+    """
     try:
         content = record.read_bytes()
     except OSError:
         return "other"
     state = digest_in(content)
     try:
-        return msgspec.convert(msgspec.json.decode(content).get(entry, {}), Kept) if state == "kept" else state
+        return (
+            msgspec.convert(msgspec.json.decode(content).get(entry, {}), Kept)
+            if state == "kept"
+            else state
+        )
     except msgspec.ValidationError:
         return "altered"
 
@@ -217,7 +266,15 @@ def state_of(folder: Path, output: Output) -> Present:
     if not isinstance(found, Kept) or found.key != output.key:
         return Present(altered=(output.record,) if found == "altered" else ())
     intact = {
-        name: digest for name, digest in found.files.items() if not altered(folder, {output.prefix + name: digest})
+        name: digest
+        for name, digest in found.files.items()
+        if not altered(folder, {output.prefix + name: digest})
     }
-    lost = [output.prefix + name for name in output.files if name in found.files and name not in intact]
-    return Present(set(output.files) <= set(intact), intact, tuple(name for name in lost if (folder / name).exists()))
+    lost = [
+        output.prefix + name for name in output.files if name in found.files and name not in intact
+    ]
+    return Present(
+        set(output.files) <= set(intact),
+        intact,
+        tuple(name for name in lost if (folder / name).exists()),
+    )

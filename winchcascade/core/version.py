@@ -12,7 +12,9 @@ GENERATOR = f"winchcascade/{__version__}"
 
 
 def made_at() -> datetime:
-    """Give the time of making, or SOURCE_DATE_EPOCH where a build must be repeatable; UTC, whole seconds."""
+    """Give the time of making, or SOURCE_DATE_EPOCH where a build must be repeatable; UTC, whole
+    seconds.
+    """
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     given = epoch.isdigit() and len(epoch) <= 11
     now = datetime.fromtimestamp(int(epoch), UTC) if given else datetime.now(UTC)

@@ -1,5 +1,5 @@
-"""Results in a notebook: methods that the public functions `frame`, `plot` and `summary_html` answer, and types of signatures
-that are imported late.
+"""Results in a notebook: methods that the public functions `frame`, `plot` and `summary_html`
+answer, and types of signatures that are imported late.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from winchcascade.core.public_names import public
 class LateModule:
     """A module that is imported when one of its names is taken.
 
-    `inspect.signature(..., eval_str=True)` resolves annotations among the names of a module; one that is imported for a type
-    checker alone is not among them.
+    `inspect.signature(..., eval_str=True)` resolves annotations among the names of a module; one
+    that is imported for a type checker alone is not among them.
 
     >>> LateModule("fractions").Fraction(1, 2)
     Fraction(1, 2)
@@ -37,20 +37,27 @@ else:
     pd, axes = LateModule("pandas"), LateModule("matplotlib.axes")
 
 Units = Literal["si", "display"]
-"""Units of a frame: `si` as in the JSON; `display` as in the reports: efficiencies in percent, pressures in kg/cm2, speeds of
-shafts in rpm, flows in L/min, and the numbers of causes in their own units."""
+"""Units of a frame: `si` as in the JSON; `display` as in the reports: efficiencies in percent,
+pressures in kg/cm2, speeds of shafts in rpm, flows in L/min, and the numbers of causes in their own
+units."""
 
 
 class Viewed(msgspec.Struct, frozen=True):
-    """A result with tables and plots, each of which has a name; the first one is given where none is named."""
+    """A result with tables and plots, each of which has a name; the first one is given where
+    none is named.
+    """
 
     def to_pandas(self, table: str = "", units: Units = "si") -> pd.DataFrame:
-        """One table as a frame with units in the names of its columns, or in a column of their own."""
+        """One table as a frame with units in the names of its columns, or in a column of their
+        own.
+        """
         found: pd.DataFrame = public("frame")(self, table, units)
         return found
 
     def plot(self, what: str = "", ax: axes.Axes | None = None) -> Any:
-        """Draw on new Axes, or on a given one alone; gives the Axes, of a plot with several an array of them."""
+        """Draw on new Axes, or on a given one alone; gives the Axes, of a plot with several an
+        array of them.
+        """
         return public("plot")(self, what, ax)
 
     def _repr_html_(self) -> str:

@@ -1,4 +1,6 @@
-"""What a corrected rig gives at other loads and speeds, which load suits which speed, and what each cause costs."""
+"""What a corrected rig gives at other loads and speeds, which load suits which speed, and what
+each cause costs.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,15 @@ import numpy as np
 
 from winchcascade.core.errors import OptionError
 from winchcascade.core.viewed import Viewed
-from winchcascade.design.operating import PLACE, Motion, Path, path_of, planned_cycle, points, require_positive
+from winchcascade.design.operating import (
+    PLACE,
+    Motion,
+    Path,
+    path_of,
+    planned_cycle,
+    points,
+    require_positive,
+)
 from winchcascade.diagnosis.handover.posterior import Band, RigPosterior, Tested
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.verdict_limits import LAW
@@ -27,7 +37,9 @@ BANDS = 6
 """Number of bands of generator speed of a schedule."""
 
 CANDIDATES = 41
-"""Number of loads, evenly spaced in their logarithm, among which a schedule looks for the best; between them by a parabola."""
+"""Number of loads, evenly spaced in their logarithm, among which a schedule looks for the best;
+between them by a parabola.
+"""
 
 Criterion = Literal["power", "efficiency"]
 
@@ -43,8 +55,8 @@ JOULES_PER_KWH = 3.6e6
 
 
 class Limits(msgspec.Struct, frozen=True):
-    """What no operating point may exceed: stator current, rms [A], speed of the generator [rpm], line tension [N], and the DC
-    current, rms over a cycle, that heats the machine [A].
+    """What no operating point may exceed: stator current, rms [A], speed of the generator [rpm],
+    line tension [N], and the DC current, rms over a cycle, that heats the machine [A].
     """
 
     current: float = math.inf
@@ -54,7 +66,11 @@ class Limits(msgspec.Struct, frozen=True):
 
     def exceeded(self, found: Signal) -> list[str]:
         """Which limits a point with these quantities exceeds."""
-        return [name for name, (quantity, _) in LIMITED.items() if found[PLACE[quantity]] > getattr(self, name)]
+        return [
+            name
+            for name, (quantity, _) in LIMITED.items()
+            if found[PLACE[quantity]] > getattr(self, name)
+        ]
 
 
 LIMITED = {
@@ -67,7 +83,9 @@ NO_LIMITS = Limits()
 
 
 class OperatingPoint(msgspec.Struct, frozen=True):
-    """What the rig does at a load [ohm] and a line speed [m/s]; `exceeds` names the limits that it is beyond."""
+    """What the rig does at a load [ohm] and a line speed [m/s]; `exceeds` names the limits that
+    it is beyond.
+    """
 
     load: float
     speed: float
@@ -77,7 +95,9 @@ class OperatingPoint(msgspec.Struct, frozen=True):
 
 
 class Scheduled(msgspec.Struct, frozen=True):
-    """The best load [ohm] for a band of generator speed [rpm], its gain over the best fixed load [1], and why there is none."""
+    """The best load [ohm] for a band of generator speed [rpm], its gain over the best fixed load
+    [1], and why there is none.
+    """
 
     rpm_low: float
     rpm_high: float
@@ -90,8 +110,9 @@ class Scheduled(msgspec.Struct, frozen=True):
 
 
 class Repair(msgspec.Struct, frozen=True):
-    """What the rig would do at the same motion without an effect: deliver more energy for each cycle [J] and, where the motions
-    have a number in a year, for a year [kWh], and take less from the line for each cycle [J].
+    """What the rig would do at the same motion without an effect: deliver more energy for each
+    cycle [J] and, where the motions have a number in a year, for a year [kWh], and take less from
+    the line for each cycle [J].
     """
 
     effect: str
@@ -109,9 +130,11 @@ class Share(msgspec.Struct, frozen=True):
 
 
 class Design(Viewed, frozen=True, kw_only=True):
-    """Maps, schedules and repairs of a corrected rig at one motion; `fixed` are the best fixed loads by criterion [ohm].
+    """Maps, schedules and repairs of a corrected rig at one motion; `fixed` are the best fixed
+    loads by criterion [ohm].
 
-    `repaired_at` is the load at which the repairs are valued [ohm]. Only effects that are causes have repairs.
+    `repaired_at` is the load at which the repairs are valued [ohm]. Only effects that are causes
+    have repairs.
     """
 
     tested: Tested
@@ -125,10 +148,12 @@ class Design(Viewed, frozen=True, kw_only=True):
 
 
 class Explanation:
-    """A corrected rig by one fit: models by which its operating points have uncertainties, of its posterior and of its laws.
+    """A corrected rig by one fit: models by which its operating points have uncertainties, of its
+    posterior and of its laws.
 
-    `moved` are the best model and it moved along every direction of the posterior, `repaired` the same without each effect that
-    acts, and `each` are `moved` and the best models without each effect.
+    `moved` are the best model and it moved along every direction of the posterior, `repaired` the
+    same without each effect that acts, and `each` are `moved` and the best models without each
+    effect.
     """
 
     def __init__(self, posterior: RigPosterior) -> None:
@@ -138,14 +163,17 @@ class Explanation:
         self.each = [*self.moved, *(models[0] for models in self.repaired.values())]
 
     def u(self, found: Signal) -> Signal:
-        """Standard uncertainty of what `each` gives, (models, ...): by the posterior and by the laws of the effects."""
+        """Standard uncertainty of what `each` gives, (models, ...): by the posterior and by the
+        laws of the effects.
+        """
         change = found[1:] - found[0]
         change[len(self.moved) - 1 :] *= LAW
         return np.asarray(np.linalg.norm(change, axis=0))
 
 
 class CorrectedRig:
-    """A corrected rig whose operating points have bands: a mixture over the explanations that the logs do not distinguish.
+    """A corrected rig whose operating points have bands: a mixture over the explanations that the
+    logs do not distinguish.
 
     `moved` are the models of the best one, `causes` the effects that a repair is valued of.
     """
@@ -155,19 +183,29 @@ class CorrectedRig:
         self.explanations = [Explanation(one) for one in posterior.members]
         self.weights = np.array([one.weight for one in self.explanations])
         self.moved = self.explanations[0].moved
-        self.causes = [name for name in self.explanations[0].repaired if name in tested.judgement.causes]
+        self.causes = [
+            name for name in self.explanations[0].repaired if name in tested.judgement.causes
+        ]
 
     def path(self, motion: Motion) -> Path:
-        """A motion as the rig takes it, with its payouts as the reduction of the logs finds them."""
+        """A motion as the rig takes it, with its payouts as the reduction of the logs finds
+        them.
+        """
         return path_of(motion, self.moved[0], self.tested.rules)
 
     def bands(self, paths: Sequence[Path], loads: Sequence[float]) -> Signal:
-        """Quantities along each motion at each load, low and high ends of their bands, (3, motions, loads, quantities)."""
+        """Quantities along each motion at each load, low and high ends of their bands, (3,
+        motions, loads, quantities).
+        """
         found = [points(one.each, paths, loads) for one in self.explanations]
-        return self._mixture([(every[0], one.u(every)) for one, every in zip(self.explanations, found, strict=True)])
+        return self._mixture(
+            [(every[0], one.u(every)) for one, every in zip(self.explanations, found, strict=True)]
+        )
 
     def _mixture(self, each: Sequence[tuple[Signal, Signal]]) -> Signal:
-        """The value of the best explanation and the 95 % interval over all, (3, ...), of the value and u of each."""
+        """The value of the best explanation and the 95 % interval over all, (3, ...), of the
+        value and u of each.
+        """
         values, u = (np.array(several) for several in zip(*each, strict=True))
         return np.stack([values[0], *mixed(self.weights, values, u)])
 
@@ -185,7 +223,8 @@ class CorrectedRig:
         return self.tested.covers(speed, found[:, PLACE["i_dc_a"]], found[:, PLACE["force_n"]])
 
     def worth(self, name: str, shares: Sequence[Share], load: float) -> Repair:
-        """What a repair brings over some motions at a load; nothing by an explanation without the effect.
+        """What a repair brings over some motions at a load; nothing by an explanation without the
+        effect.
 
         It is within the domain if the logs cover the rig with the effect and the repaired one.
         """
@@ -205,7 +244,9 @@ class CorrectedRig:
                 own = per * (without - within)[:, :, PLACE[quantity]] @ weights
                 each[one] = own[0], np.hypot(np.linalg.norm(own[1:] - own[0]), LAW * own[0])
             nothing = np.float64(0.0), np.float64(0.0)
-            value, low, high = self._mixture([each.get(one, nothing) for one in self.explanations]).tolist()
+            value, low, high = self._mixture(
+                [each.get(one, nothing) for one in self.explanations]
+            ).tolist()
             if len(several) < len(self.explanations):
                 return Band(value, min(low, 0.0), max(high, 0.0))
             return Band(value, low, high)
@@ -213,7 +254,9 @@ class CorrectedRig:
         per_year = change("e_gen_j", float(number.sum()) / JOULES_PER_KWH) if yearly else None
         speeds = np.array([share.motion.speed for share in shares])
         covered = np.concatenate([self.covers(speeds, found[0][0]) for found in (acting, repaired)])
-        return Repair(name, change("e_gen_j"), per_year, change("e_line_j", -1.0), bool(covered.all()))
+        return Repair(
+            name, change("e_gen_j"), per_year, change("e_line_j", -1.0), bool(covered.all())
+        )
 
 
 def mixed(weights: Signal, values: Signal, u: Signal) -> tuple[Signal, Signal]:
@@ -238,19 +281,27 @@ def mixed(weights: Signal, values: Signal, u: Signal) -> tuple[Signal, Signal]:
         low, high = of_each.min(axis=0), of_each.max(axis=0)
         for _ in range(HALVED if len(weights) > 1 else 0):
             middle = 0.5 * (low + high)
-            below = np.tensordot(weights, ndtr((middle - values) / np.maximum(u, TINY)), axes=1) < ndtr(side)
+            below = np.tensordot(
+                weights, ndtr((middle - values) / np.maximum(u, TINY)), axes=1
+            ) < ndtr(side)
             low, high = np.where(below, middle, low), np.where(below, high, middle)
         ends.append(0.5 * (low + high))
     return ends[0], ends[1]
 
 
 HALVED, TINY = 40, 1e-300
-"""Number of times that the span of an end of an interval is halved, and a standard deviation for what has none. [1]"""
+"""Number of times that the span of an end of an interval is halved, and a standard deviation for
+what has none. [1]
+"""
 
 
 def check_options(loads: Sequence[float], speeds: Sequence[float], limits: Limits) -> None:
     """Reject a load, a speed or a limit that is none: OptionError."""
-    stated = {f"--{name}-limit": [limit] for name in LIMITED if (limit := getattr(limits, name)) != math.inf}
+    stated = {
+        f"--{name}-limit": [limit]
+        for name in LIMITED
+        if (limit := getattr(limits, name)) != math.inf
+    }
     for option, numbers in {"--loads": loads, "--speeds": speeds, **stated}.items():
         require_positive(option, numbers)
 
@@ -269,12 +320,14 @@ def design(
 
     Parameters
     ----------
-    motion : a cycle of the line, which other speeds make faster or slower; by default the usual cycle of the campaign
-    sea : speeds of the payouts of a year with their numbers, over which repairs are valued; by default one cycle at the
-        fastest speed
-    loads, speeds : of the map; by default those of the campaign [ohm], and `SPEEDS` up to its fastest [m/s]
-    limits : that no operating point may exceed; where the diagnosis found that the machine warms, also the current of its
-        warmest run
+    motion : a cycle of the line, which other speeds make faster or slower; by default the usual
+        cycle of the campaign
+    sea : speeds of the payouts of a year with their numbers, over which repairs are valued; by
+        default one cycle at the fastest speed
+    loads, speeds : of the map; by default those of the campaign [ohm], and `SPEEDS` up to its
+        fastest [m/s]
+    limits : that no operating point may exceed; where the diagnosis found that the machine warms,
+        also the current of its warmest run
 
     Raises
     ------
@@ -289,7 +342,11 @@ def design(
         raise OptionError(f"{tested.title}: no run has a load; name some by --loads OHM,...")
 
     def cycle_at(speed: float) -> Motion:
-        return planned_cycle(speed, tested.length, tested.ramp) if motion is None else motion.at_speed(speed)
+        return (
+            planned_cycle(speed, tested.length, tested.ramp)
+            if motion is None
+            else motion.at_speed(speed)
+        )
 
     top = tested.speed if motion is None else motion.speed
     at_speeds = sorted(speeds) or np.linspace(SLOWEST * top, top, SPEEDS).tolist()
@@ -299,7 +356,9 @@ def design(
     schedules = {criterion: _schedule(rig, searched, limits, criterion) for criterion in METRIC}
     fixed = schedules["efficiency"][1]
     load = at_loads[-1] if math.isnan(fixed) else fixed
-    valued = [Share(cycle_at(speed), number) for speed, number in sea] or [Share(cycle_at(at_speeds[-1]))]
+    valued = [Share(cycle_at(speed), number) for speed, number in sea] or [
+        Share(cycle_at(at_speeds[-1]))
+    ]
     return Design(
         tested=tested,
         motion="usual cycle of the campaign" if motion is None else "motion as given",
@@ -308,14 +367,21 @@ def design(
         schedule=tuple(one for scheduled, _ in schedules.values() for one in scheduled),
         fixed={criterion: fixed for criterion, (_, fixed) in schedules.items()},
         repairs=tuple(
-            sorted((rig.worth(name, valued, load) for name in rig.causes), key=lambda one: -one.per_cycle.value)
+            sorted(
+                (rig.worth(name, valued, load) for name in rig.causes),
+                key=lambda one: -one.per_cycle.value,
+            )
         ),
         repaired_at=load,
     )
 
 
 def _map(
-    rig: CorrectedRig, cycle_at: CycleAt, speeds: Sequence[float], loads: Sequence[float], limits: Limits
+    rig: CorrectedRig,
+    cycle_at: CycleAt,
+    speeds: Sequence[float],
+    loads: Sequence[float],
+    limits: Limits,
 ) -> list[OperatingPoint]:
     """Every load at every speed, with bands."""
     bands = rig.bands([rig.path(cycle_at(speed)) for speed in speeds], loads)
@@ -331,8 +397,9 @@ def _map(
 
 
 class Searched(NamedTuple):
-    """Loads that are tried in bands of line speed: ends of the bands, (n + 1,) [m/s], the motion in the middle of each, the
-    loads, (k,) [ohm], and their quantities in the middle and at the fast end, (n, k, quantities).
+    """Loads that are tried in bands of line speed: ends of the bands, (n + 1,) [m/s], the motion in
+    the middle of each, the loads, (k,) [ohm], and their quantities in the middle and at the fast
+    end, (n, k, quantities).
     """
 
     edges: Signal
@@ -342,11 +409,17 @@ class Searched(NamedTuple):
     end: Signal
 
 
-def _searched(rig: CorrectedRig, cycle_at: CycleAt, span: tuple[float, float], loads: Sequence[float]) -> Searched:
-    """Try loads between the smallest and the largest of some [ohm] in bands of a span of line speed [m/s]."""
+def _searched(
+    rig: CorrectedRig, cycle_at: CycleAt, span: tuple[float, float], loads: Sequence[float]
+) -> Searched:
+    """Try loads between the smallest and the largest of some [ohm] in bands of a span of line
+    speed [m/s].
+    """
     model, edges = rig.moved[0], np.linspace(*span, BANDS + 1)
     middles = 0.5 * (edges[1:] + edges[:-1])
-    paths, fastest = ([rig.path(cycle_at(float(speed))) for speed in speeds] for speeds in (middles, edges[1:]))
+    paths, fastest = (
+        [rig.path(cycle_at(float(speed))) for speed in speeds] for speeds in (middles, edges[1:])
+    )
     tried = np.geomspace(min(loads), max(loads), CANDIDATES if len(set(loads)) > 1 else 1)
     middle, end = (points([model], each, tried.tolist())[0] for each in (paths, fastest))
     return Searched(edges, paths, tried, middle, end)
@@ -355,14 +428,18 @@ def _searched(rig: CorrectedRig, cycle_at: CycleAt, span: tuple[float, float], l
 def _schedule(
     rig: CorrectedRig, searched: Searched, limits: Limits, criterion: Criterion
 ) -> tuple[list[Scheduled], float]:
-    """The best load in the middle of each band, allowed up to its end, and the best fixed load of all bands [ohm]."""
+    """The best load in the middle of each band, allowed up to its end, and the best fixed load
+    of all bands [ohm].
+    """
     model, metric = rig.moved[0], PLACE[METRIC[criterion]]
     edges, paths, candidates, found, reached = searched
     middles = 0.5 * (edges[1:] + edges[:-1])
     allowed = np.array([[not limits.exceeded(one) for one in row] for row in reached])
     values = np.where(allowed, found[:, :, metric], -math.inf)
     usable = allowed.any(axis=1)  # a band without an allowed load has no fixed one either
-    in_all = np.where(allowed[usable].all(axis=0) & usable.any(), found[usable, :, metric].sum(axis=0), -math.inf)
+    in_all = np.where(
+        allowed[usable].all(axis=0) & usable.any(), found[usable, :, metric].sum(axis=0), -math.inf
+    )
     fixed = float(candidates[int(np.argmax(in_all))])
     rpm = model.drivetrain.gear / model.winch.r_drum * RPM
     scheduled = []
@@ -372,19 +449,29 @@ def _schedule(
             which = ", ".join(limits.exceeded(reached[k, -1]))
             scheduled.append(
                 Scheduled(
-                    *ends, float(middles[k]), criterion, None, None, False, f"every load exceeds the {which} limit"
+                    *ends,
+                    float(middles[k]),
+                    criterion,
+                    None,
+                    None,
+                    False,
+                    f"every load exceeds the {which} limit",
                 )
             )
             continue
         load = _largest_at(candidates, values[k])
         inside = rig.covers(middles[k : k + 1], points([model], [path], [load])[0, 0])
         gain = rig.gain(path, load, fixed, METRIC[criterion]) if np.isfinite(in_all).any() else None
-        scheduled.append(Scheduled(*ends, float(middles[k]), criterion, load, gain, bool(inside[0])))
+        scheduled.append(
+            Scheduled(*ends, float(middles[k]), criterion, load, gain, bool(inside[0]))
+        )
     return scheduled, fixed if np.isfinite(in_all).any() else math.nan
 
 
 def _largest_at(loads: Signal, values: Signal) -> float:
-    """Where a metric is largest over the logarithm of the load, by a parabola through the three highest neighbours. [ohm]"""
+    """Where a metric is largest over the logarithm of the load, by a parabola through the three
+    highest neighbours. [ohm]
+    """
     k = int(np.argmax(values))
     if not 0 < k < loads.size - 1 or not np.all(np.isfinite(values[k - 1 : k + 2])):
         return float(loads[k])

@@ -1,4 +1,6 @@
-"""What a corrected rig does at a load along a motion: powers and efficiencies, and its largest torque, current and tension."""
+"""What a corrected rig does at a load along a motion: powers and efficiencies, and its largest
+torque, current and tension.
+"""
 
 from __future__ import annotations
 
@@ -40,10 +42,11 @@ QUANTITIES = {
     "e_gen_j": "J", "e_line_j": "J", "payout_s": "s", "plateau_p_line_w": "W", "plateau_p_mech_w": "W",
     "plateau_p_gen_w": "W", "plateau_eta_pto": "1",
 }  # fmt: skip
-"""What an operating point gives, with units: powers and efficiencies over the payout, largest speed of the generator, torque of
-the shaft, stator current (rms), DC current and line tension, and over the whole motion the rms of the DC current and, for each
-cycle, the energies that it delivers and takes from the line; duration of the payout, and powers and efficiency of its plateau,
-NaN without one. Payout and plateau are those of a reduction."""
+"""What an operating point gives, with units: powers and efficiencies over the payout, largest speed
+of the generator, torque of the shaft, stator current (rms), DC current and line tension, and over
+the whole motion the rms of the DC current and, for each cycle, the energies that it delivers and
+takes from the line; duration of the payout, and powers and efficiency of its plateau, NaN without
+one. Payout and plateau are those of a reduction."""
 
 PLACE = {name: k for k, name in enumerate(QUANTITIES)}
 """Number of each quantity in a row."""
@@ -52,11 +55,15 @@ PLACE = {name: k for k, name in enumerate(QUANTITIES)}
 def require_positive(option: str, numbers: Sequence[float]) -> None:
     """Raise OptionError for numbers of an option that are not finite and above 0."""
     if not all(0.0 < number < math.inf for number in numbers):
-        raise OptionError(f"{option} {','.join(f'{x:g}' for x in numbers)}: expected finite numbers above 0.")
+        raise OptionError(
+            f"{option} {','.join(f'{x:g}' for x in numbers)}: expected finite numbers above 0."
+        )
 
 
 class Motion(NamedTuple):
-    """A motion of the line: stamps [s], velocities [m/s], (k,), payout positive, speed of its plateau [m/s], and its cycles."""
+    """A motion of the line: stamps [s], velocities [m/s], (k,), payout positive, speed of its
+    plateau [m/s], and its cycles.
+    """
 
     t: Signal
     v: Signal
@@ -64,31 +71,39 @@ class Motion(NamedTuple):
     cycles: int = 1
 
     def at_speed(self, speed: float) -> Motion:
-        """The same path of the line at another speed of the plateau, faster or slower throughout."""
+        """The same path of the line at another speed of the plateau, faster or slower
+        throughout.
+        """
         share = speed / self.speed
         return Motion(self.t / share, self.v * share, speed, self.cycles)
 
 
 def planned_cycle(speed: float, length: float, ramp: float) -> Motion:
-    """One payout and one haul-in, as `cycle_of` has them; a motion is laid on a monotone cubic, which smooths their ramps.
+    """One payout and one haul-in, as `cycle_of` has them; a motion is laid on a monotone cubic,
+    which smooths their ramps.
 
     Parameters
     ----------
     speed, length : of the plateau [m/s] and of the payout [m]
-    ramp : time in which the line reaches its speed [s]; rests and hold are as long beside it as in a planned run
+    ramp : time in which the line reaches its speed [s]; rests and hold are as long beside it as in
+        a planned run
     """
     return Motion(*cycle_of(speed, length, ramp / RAMP), speed)
 
 
 def motion_of_run(run: Run) -> Motion:
-    """The motion of a log, as a simulation takes it, without longer rests at its ends; OptionError where it has no payout."""
+    """The motion of a log, as a simulation takes it, without longer rests at its ends;
+    OptionError where it has no payout.
+    """
     from winchcascade.rig.line_velocity import line_velocity
 
     scale = motion_of_runs([run])
     v, fast, slow = line_velocity(run, scale.ramp).value, *PAYS_OUT
     top = float(np.max(v, initial=0.0))
     if top <= MOVES * scale.speed:
-        raise OptionError(f"{run.name}: no payout; expected a motion with line speeds above 0, payout positive.")
+        raise OptionError(
+            f"{run.name}: no payout; expected a motion with line speeds above 0, payout positive."
+        )
     speed = float(np.quantile(v[v > fast * top], PLATEAU))
     known = v[(v > fast * speed) | (v < slow * speed)] > fast * speed
     moved = run.t[np.abs(v) > slow * speed]
@@ -98,12 +113,14 @@ def motion_of_run(run: Run) -> Motion:
 
 
 PAYS_OUT = (0.5, 0.1)
-"""Shares of the speed of the plateau above which a payout has begun, and below which it has ended."""
+"""Shares of the speed of the plateau above which a payout has begun, and below which it has
+ended.
+"""
 
 
 class Path(NamedTuple):
-    """A motion of some cycles at even steps, with the direction of friction (n,), and begin and end of each payout and of each
-    plateau that there is, (k, 2) and (l, 2) [s].
+    """A motion of some cycles at even steps, with the direction of friction (n,), and begin and end
+    of each payout and of each plateau that there is, (k, 2) and (l, 2) [s].
     """
 
     motion: LineMotion
@@ -118,7 +135,8 @@ def path_of(motion: Motion, model: Model, thresholds: Thresholds = Thresholds())
 
     Parameters
     ----------
-    thresholds : by which a reduction finds payouts and plateaus; those that are not stated follow the scales of the motion
+    thresholds : by which a reduction finds payouts and plateaus; those that are not stated follow
+        the scales of the motion
 
     Raises
     ------
@@ -127,20 +145,30 @@ def path_of(motion: Motion, model: Model, thresholds: Thresholds = Thresholds())
     """
     takes = float(motion.t[-1] - motion.t[0])
     t = np.union1d(motion.t, np.linspace(motion.t[0], motion.t[-1], SCALED_BY))
-    scale = motion_of_log(t, np.interp(t, motion.t, motion.v)) or MotionScale(motion.speed, takes, 1.0)
+    scale = motion_of_log(t, np.interp(t, motion.t, motion.v)) or MotionScale(
+        motion.speed, takes, 1.0
+    )
     rest = physics.REST * scale.speed
-    longest = MOST_STEPS * min(COARSE * scale.ramp, RESOLVED / rate_of_the_rotor(model, scale.speed))
+    longest = MOST_STEPS * min(
+        COARSE * scale.ramp, RESOLVED / rate_of_the_rotor(model, scale.speed)
+    )
     if takes > longest:
-        raise OptionError(f"a motion at {motion.speed:g} m/s takes {takes:.0f} s; expected {longest:.0f} s at most.")
+        raise OptionError(
+            f"a motion at {motion.speed:g} m/s takes {takes:.0f} s; expected {longest:.0f} s at "
+            f"most."
+        )
     even = even_motion(motion.t, motion.v, resolving(model, scale, COARSE), rest)
     run = Run("motion", even.t, {"velocity": even.v}, 1.0 / even.step, even.t.size)
     phased = find_phases(run, Rig("motion", thresholds=thresholds), "payout")
     if not phased.cycles:
         raise OptionError(
-            f"a motion at {motion.speed:g} m/s has no payout by the thresholds of the rig; give a faster one."
+            f"a motion at {motion.speed:g} m/s has no payout by the thresholds of the rig; give a "
+            f"faster one."
         )
     payouts = np.array([(cycle.onset, cycle.payout_end) for cycle in phased.cycles])
-    plateaus = np.array([(one.begin, one.braking) for one in phased.plateaus if one is not None]).reshape(-1, 2)
+    plateaus = np.array(
+        [(one.begin, one.braking) for one in phased.plateaus if one is not None]
+    ).reshape(-1, 2)
     return Path(even, physics.direction(even.v, rest), payouts, plateaus, motion.cycles)
 
 
@@ -159,7 +187,10 @@ def point(model: Model, path: Path, load: float) -> Signal:
     shaft, line = solve_shaft(motion.v, motion.step, numbers), np.empty((motion.t.size, len(LINE)))
     clutch = shaft[:, SHAFT.index("clutch")].copy()
     run_line(motion, path.direction, numbers, clutch, line)
-    force, torque = physics.tension(line[:, LINE.index("force")], model.winch), line[:, LINE.index("torque")]
+    force, torque = (
+        physics.tension(line[:, LINE.index("force")], model.winch),
+        line[:, LINE.index("torque")],
+    )
     delivered = shaft[:, SHAFT.index("vdc")] ** 2 / numbers.shaft.load
     rates = np.array([force * motion.v, torque * motion.v / model.r_motion, delivered])
     streams = [rate.__getitem__ for rate in rates]
@@ -173,7 +204,18 @@ def point(model: Model, path: Path, load: float) -> Signal:
     rpm, *largest = (float(np.max(x)) for x in (speed * RPM, torque, current, dc))
     e_line, _, e_gen = (rates.sum(axis=1) * motion.step / path.cycles).tolist()
     dc_rms = float(np.sqrt(np.mean(dc**2)))
-    over_payout = [rpm, line_w, mech_w, gen_w, *efficiencies, *largest, dc_rms, np.max(force), e_gen, e_line]
+    over_payout = [
+        rpm,
+        line_w,
+        mech_w,
+        gen_w,
+        *efficiencies,
+        *largest,
+        dc_rms,
+        np.max(force),
+        e_gen,
+        e_line,
+    ]
     return np.array([*over_payout, seconds, *flat, _ratio(flat[-1], flat[0])])
 
 
@@ -183,7 +225,9 @@ def _ratio(out: float, into: float) -> float:
 
 
 def points(models: Sequence[Model], paths: Sequence[Path], loads: Sequence[float]) -> Signal:
-    """What several models do along each motion at each load, (models, motions, loads, quantities)."""
+    """What several models do along each motion at each load, (models, motions, loads,
+    quantities).
+    """
 
     def along(path: Path, load: float) -> Signal:
         return np.array([point(model, path, load) for model in models])

@@ -1,6 +1,8 @@
-"""Which runs to make: those that separate two effects, or that determine a metric well enough, by the derivatives of a fit.
+"""Which runs to make: those that separate two effects, or that determine a metric well enough, by
+the derivatives of a fit.
 
-Before a campaign the rig file with its tolerances is all that is known; after one, what its diagnosis left open.
+Before a campaign the rig file with its tolerances is all that is known; after one, what its
+diagnosis left open.
 """
 
 from __future__ import annotations
@@ -14,7 +16,14 @@ import numpy as np
 
 from winchcascade.core.errors import OptionError
 from winchcascade.core.viewed import Viewed
-from winchcascade.design.operating import PLACE, QUANTITIES, path_of, planned_cycle, points, require_positive
+from winchcascade.design.operating import (
+    PLACE,
+    QUANTITIES,
+    path_of,
+    planned_cycle,
+    points,
+    require_positive,
+)
 from winchcascade.diagnosis.explain.planned_run import RAMP
 from winchcascade.diagnosis.explain.planning import (
     CLEAR,
@@ -65,10 +74,11 @@ class RunPlan(Viewed, frozen=True, kw_only=True):
 
     Before a campaign the lightest comes once more at the end, as a machine that warms shows there.
 
-    `measure` is what counts: `z` of the separation of `pair` or `u` of `metric`; `expected` is its value after each run,
-    `before` that without any, `wanted` that to be reached, `random` the mean over random plans of the same length,
-    `random_share` the share of these that reach what is wanted. `together` are pairs that the diagnosis lists and no run can
-    separate: the logs know their numbers as one combination alone.
+    `measure` is what counts: `z` of the separation of `pair` or `u` of `metric`; `expected` is its
+    value after each run, `before` that without any, `wanted` that to be reached, `random` the mean
+    over random plans of the same length, `random_share` the share of these that reach what is
+    wanted. `together` are pairs that the diagnosis lists and no run can separate: the logs know
+    their numbers as one combination alone.
     """
 
     title: str
@@ -92,7 +102,9 @@ class RunPlan(Viewed, frozen=True, kw_only=True):
 
 
 class Basis(NamedTuple):
-    """What a plan begins from: how runs are made, those to choose from, and what a diagnosis found, None before any run."""
+    """What a plan begins from: how runs are made, those to choose from, and what a diagnosis
+    found, None before any run.
+    """
 
     title: str
     setting: Setting
@@ -100,8 +112,11 @@ class Basis(NamedTuple):
     found: ModelDiagnosis | None = None
 
 
-def after(found: ModelDiagnosis, loads: Sequence[float] = (), speeds: Sequence[float] = ()) -> Basis:
-    """Begin from a diagnosis: loads of its runs, and up to their fastest speed at the load, unless others are named.
+def after(
+    found: ModelDiagnosis, loads: Sequence[float] = (), speeds: Sequence[float] = ()
+) -> Basis:
+    """Begin from a diagnosis: loads of its runs, and up to their fastest speed at the load, unless
+    others are named.
 
     Raises
     ------
@@ -124,13 +139,15 @@ def before(rig: Rig, loads: Sequence[float], speeds: Sequence[float], length: fl
 
     Raises
     ------
-    OptionError : no load or no speed, a speed or a length that is none, or runs that are too long or too many
+    OptionError : no load or no speed, a speed or a length that is none, or runs that are too long
+        or too many
     RigError : the rig has no model
     LogError : a length that the gas or the drum does not allow
     """
     if not loads or not speeds:
         raise OptionError(
-            f"plan for rig {rig.name}: expected --loads OHM,... and --speeds MPS,..., as no run is made yet."
+            f"plan for rig {rig.name}: expected --loads OHM,... and --speeds MPS,..., as no run "
+            f"is made yet."
         )
     _require(loads, speeds)
     require_positive("--length", [length])
@@ -138,15 +155,20 @@ def before(rig: Rig, loads: Sequence[float], speeds: Sequence[float], length: fl
     shortest = RESOLVED / rate_of_the_rotor(model, max(speeds))
     if RAMP * time < shortest:
         raise OptionError(
-            f"--length {length:g}: the line speeds up in {RAMP * time:.2g} s; expected {shortest:.2g} s at least."
+            f"--length {length:g}: the line speeds up in {RAMP * time:.2g} s; expected "
+            f"{shortest:.2g} s at least."
         )
     check_travel(f"--length {length:g}", model.physics, 0.0, length)
     options = [PlannedRun(load, speed) for load in sorted(loads) for speed in sorted(speeds)]
-    return _checked(Basis(rig.title or rig.name, Setting(rig, model, length, time, SAMPLES / time), options))
+    return _checked(
+        Basis(rig.title or rig.name, Setting(rig, model, length, time, SAMPLES / time), options)
+    )
 
 
 def _require(loads: Sequence[float], speeds: Sequence[float]) -> None:
-    """Raise OptionError for speeds, and loads but open circuits, that are not finite and above 0."""
+    """Raise OptionError for speeds, and loads but open circuits, that are not finite and above
+    0.
+    """
     require_positive("--loads", [load for load in loads if load != math.inf])
     require_positive("--speeds", speeds)
 
@@ -155,14 +177,15 @@ def _checked(basis: Basis) -> Basis:
     """A basis; OptionError for too many runs, or too long ones."""
     if len(basis.options) > MOST_OPTIONS:
         raise OptionError(
-            f"--loads, --speeds: {len(basis.options)} runs; expected {MOST_OPTIONS} at most to choose from."
+            f"--loads, --speeds: {len(basis.options)} runs; expected {MOST_OPTIONS} at most to "
+            f"choose from."
         )
     setting, slowest = basis.setting, min(one.speed for one in basis.options)
     path_of(planned_cycle(slowest, setting.length, RAMP * setting.time), setting.model)
     return basis
 
 
-# ------------------------------------------------------------------------------------------------------ two explanations
+# ------------------------------------------------------------------------------- two explanations
 def separate(
     basis: Basis, pair: tuple[str, str], suspects: Suspects, most: int = MOST, wanted: float = CLEAR
 ) -> RunPlan:
@@ -176,10 +199,17 @@ def separate(
         raise OptionError(f"--separate {' '.join(pair)}: expected two effects.")
     for name in pair:
         if name not in suspects:
-            raise OptionError(f"--separate {' '.join(pair)}: {name} is no suspect of rig {basis.setting.rig.name}.")
+            raise OptionError(
+                f"--separate {' '.join(pair)}: {name} is no suspect of rig "
+                f"{basis.setting.rig.name}."
+            )
     if basis.found is None:
         if any(suspects[name].over_runs is not None for name in pair):
-            each = [msgspec.structs.replace(one, place=place) for one in basis.options for place in COLD_OR_WARM]
+            each = [
+                msgspec.structs.replace(one, place=place)
+                for one in basis.options
+                for place in COLD_OR_WARM
+            ]
             basis = basis._replace(options=each)
         prospect = prospect_of(basis.setting, basis.options)
         foreseen = _foreseen_before(prospect, pair, suspects)
@@ -193,7 +223,9 @@ COLD_OR_WARM: tuple[Place, ...] = ("first", "last")
 
 
 def _foreseen_before(prospect: Prospect, pair: tuple[str, str], suspects: Suspects) -> Foreseen:
-    """What runs will tell where the first effect acts at half of its plausible range, and the second adapts."""
+    """What runs will tell where the first effect acts at half of its plausible range, and the
+    second adapts.
+    """
     first, second = (suspects[name].at(prospect.runs.scales) for name in pair)
     free, other = freedom(first), freedom(second)
     away = np.where(free.high - free.absent >= free.absent - free.low, free.high, free.low)
@@ -204,9 +236,10 @@ def _foreseen_before(prospect: Prospect, pair: tuple[str, str], suspects: Suspec
     return foresee(prospect, absent, absent._replace(effects={pair[0]: acting}))
 
 
-# ------------------------------------------------------------------------------------------------- the metric of a design
+# ------------------------------------------------------------------------- the metric of a design
 def determine(basis: Basis, metric: str, wanted: float, most: int = MOST) -> RunPlan:
-    """Plan runs after which a metric is known to a standard uncertainty, at every load at the fastest speed planned for it.
+    """Plan runs after which a metric is known to a standard uncertainty, at every load at the
+    fastest speed planned for it.
 
     That of the laws of the effects is left by any runs.
 
@@ -215,12 +248,19 @@ def determine(basis: Basis, metric: str, wanted: float, most: int = MOST) -> Run
     OptionError : no such metric, or open circuits alone
     """
     if metric not in QUANTITIES:
-        raise OptionError(f"--uncertainty {metric}: no such metric; expected {', '.join(QUANTITIES)}.")
+        raise OptionError(
+            f"--uncertainty {metric}: no such metric; expected {', '.join(QUANTITIES)}."
+        )
     if not 0.0 < wanted < math.inf:
         raise OptionError(
-            f"--uncertainty {metric}={wanted:g}: expected METRIC=X with X above 0, such as eta_pto=0.002."
+            f"--uncertainty {metric}={wanted:g}: expected METRIC=X with X above 0, such as "
+            f"eta_pto=0.002."
         )
-    fastest = {one.load: one.speed for one in sorted(basis.options, key=lambda one: one.speed) if one.load != math.inf}
+    fastest = {
+        one.load: one.speed
+        for one in sorted(basis.options, key=lambda one: one.speed)
+        if one.load != math.inf
+    }
     if not fastest:
         raise OptionError(f"--uncertainty {metric}: expected a finite load at least among --loads.")
     prospect = prospect_of(basis.setting, basis.options)
@@ -234,20 +274,37 @@ def determine(basis: Basis, metric: str, wanted: float, most: int = MOST) -> Run
     else:
         found, posterior = basis.found.found, posterior_of_rig(basis.found)
         known, scale = explanation_of(found, found.best), found.scale
-        kept = [found.best.place[name] for name, effect in known.effects.items() if effect in posterior.effects]
+        kept = [
+            found.best.place[name]
+            for name, effect in known.effects.items()
+            if effect in posterior.effects
+        ]
         fields = [k for own in kept for k in range(own.start, own.stop)]
     foreseen = foresee(prospect, known, scale=scale)
     count = len(foreseen.root) - len(prospect.runs.nuisances)
     places = [*(count + j for j, _ in numbers), *fields]
     sd = np.sqrt(np.diag(posterior.covariance))
     moved = [posterior.model(posterior.best + way) for way in np.diag(sd)]
-    laws = [posterior.model(without=one.effect.name) for one in posterior.effects if one.effect.entry is None]
+    laws = [
+        posterior.model(without=one.effect.name)
+        for one in posterior.effects
+        if one.effect.entry is None
+    ]
     best, length, ramp = posterior.model(), basis.setting.length, RAMP * basis.setting.time
     rules = basis.setting.rig.thresholds
-    paths = {load: path_of(planned_cycle(speed, length, ramp), best, rules) for load, speed in fastest.items()}
-    each = [points([best, *moved, *laws], [path], [load])[:, 0, 0, PLACE[metric]] for load, path in paths.items()]
+    paths = {
+        load: path_of(planned_cycle(speed, length, ramp), best, rules)
+        for load, speed in fastest.items()
+    }
+    each = [
+        points([best, *moved, *laws], [path], [load])[:, 0, 0, PLACE[metric]]
+        for load, path in paths.items()
+    ]
     change = np.transpose([values[1:] - values[0] for values in each])
-    gradient, unit = np.zeros((len(foreseen.root), len(paths))), np.linalg.norm(foreseen.root[places], axis=1)
+    gradient, unit = (
+        np.zeros((len(foreseen.root), len(paths))),
+        np.linalg.norm(foreseen.root[places], axis=1),
+    )
     gradient[places] = change[: sd.size] / np.where(unit > 0.0, unit, math.inf)[:, None]
     of_laws = np.sum((LAW * change[sd.size :]) ** 2, axis=0)
 
@@ -257,7 +314,7 @@ def determine(basis: Basis, metric: str, wanted: float, most: int = MOST) -> Run
     return _greedy(basis, u_of, "u", most, wanted, metric=metric)
 
 
-# ---------------------------------------------------------------------------------------------------------------- choice
+# ----------------------------------------------------------------------------------------- choice
 def _better(measure: str, one: float, other: float) -> bool:
     return one >= other if measure == "z" else one <= other
 
@@ -281,7 +338,11 @@ def _greedy(
         chosen.append(int(values.index(best(values))))
         expected.append(best(values))
     rng = np.random.default_rng(SEED)
-    draws = [value_of(rng.integers(len(options), size=len(chosen)).tolist()) for _ in range(DRAWS)] if chosen else []
+    draws = (
+        [value_of(rng.integers(len(options), size=len(chosen)).tolist()) for _ in range(DRAWS)]
+        if chosen
+        else []
+    )
     runs = [basis.options[k] for k in chosen]
     if 0 < len(runs) < most and all(run.place == "any" for run in runs):
         lightest = max(chosen, key=lambda k: basis.options[k].load)
@@ -298,7 +359,9 @@ def _greedy(
         expected=tuple(expected[1:]),
         wanted=wanted,
         random=float(np.mean(draws)) if draws else expected[0],
-        random_share=float(np.mean([_better(measure, value, wanted) for value in draws])) if draws else 1.0,
+        random_share=float(np.mean([_better(measure, value, wanted) for value in draws]))
+        if draws
+        else 1.0,
         length=basis.setting.length,
         together=_together(basis.found),
     )
@@ -306,4 +369,6 @@ def _greedy(
 
 def _together(found: ModelDiagnosis | None) -> tuple[tuple[str, str], ...]:
     """Pairs of a diagnosis that no run separates, as all logs know them together."""
-    return () if found is None else tuple(listed(found.found, (*found.causes, *found.candidates))[1])
+    return (
+        () if found is None else tuple(listed(found.found, (*found.causes, *found.candidates))[1])
+    )

@@ -1,4 +1,6 @@
-"""Diagnose a campaign: where the gap lies, which effects cause it and matter, how far they close it, and what to test next."""
+"""Diagnose a campaign: where the gap lies, which effects cause it and matter, how far they close
+it, and what to test next.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,13 @@ from winchcascade.diagnosis.explain.contributions import (
     reordered,
     without,
 )
-from winchcascade.diagnosis.explain.gap_map import arises, compare, deviating_stage, locate, stagewise
+from winchcascade.diagnosis.explain.gap_map import (
+    arises,
+    compare,
+    deviating_stage,
+    locate,
+    stagewise,
+)
 from winchcascade.diagnosis.explain.planning import plan_run
 from winchcascade.diagnosis.explain.thresholds import Threshold, not_visible, thresholds
 from winchcascade.diagnosis.explain.validation import Validated, validation_of
@@ -44,7 +52,12 @@ from winchcascade.diagnosis.fit.rig_problem import RigProblem
 from winchcascade.diagnosis.fit.search import Found, search, weighing
 from winchcascade.diagnosis.fit.undetermined import Direction, alike, undetermined
 from winchcascade.diagnosis.judge.alarms import SIGNS, Judged, moved_by, ringing
-from winchcascade.diagnosis.judge.causes import causes_of, parameters_of, posterior_of, probabilities
+from winchcascade.diagnosis.judge.causes import (
+    causes_of,
+    parameters_of,
+    posterior_of,
+    probabilities,
+)
 from winchcascade.diagnosis.judge.closure import (
     HeldOut,
     ModelClosure,
@@ -69,15 +82,17 @@ if TYPE_CHECKING:
 
 
 class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
-    """A diagnosis by a model. `predicted` (M, 5) are the blocks of the model of the rig file, or of the owner's own simulation
-    where there is one and `fitted_blocks` those of the fit with its causes.
-    `rig` is as its file states it; `data.rig` has the numbers before their calibration, which the causes are found against.
+    """A diagnosis by a model. `predicted` (M, 5) are the blocks of the model of the rig file, or of
+    the owner's own simulation where there is one and `fitted_blocks` those of the fit with its
+    causes. `rig` is as its file states it; `data.rig` has the numbers before their calibration,
+    which the causes are found against.
 
-    `places` map the gap end to end, `stages` stage by stage; `contributions` split the metrics of every run, `energies` are
-    those of its phases, `validation` compares each metric of each run with the model. `thresholds` are how large each effect
-    would have to be to be named, where none is, and `not_visible` those that these logs would not show at any plausible size.
-    `singles` are the effects that alone have the most evidence, `undetermined` directions of the numbers of the rig that no
-    log shows.
+    `places` map the gap end to end, `stages` stage by stage; `contributions` split the metrics of
+    every run, `energies` are those of its phases, `validation` compares each metric of each run
+    with the model. `thresholds` are how large each effect would have to be to be named, where none
+    is, and `not_visible` those that these logs would not show at any plausible size. `singles` are
+    the effects that alone have the most evidence, `undetermined` directions of the numbers of the
+    rig that no log shows.
     """
 
     data: Fitted
@@ -112,7 +127,11 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     @property
     def missing_channels(self) -> list[str]:
         """Channels of the model that no log has."""
-        return [name for name in read_by(self.data.nominal) if not any(name in run.channels for run in self.runs)]
+        return [
+            name
+            for name in read_by(self.data.nominal)
+            if not any(name in run.channels for run in self.runs)
+        ]
 
 
 @linear_algebra_on_one_thread()
@@ -130,15 +149,16 @@ def diagnose(
 ) -> ModelDiagnosis:
     """Diagnose some runs on one rig, each number of which enters as it was before any calibration.
 
-    A calibration explains an open circuit by the numbers of the rig alone, and so absorbs a part of what acts on it.
+    A calibration explains an open circuit by the numbers of the rig alone, and so absorbs a part of
+    what acts on it.
 
     Parameters
     ----------
     suspects : effects by name that may be named
     cycles : of each run, the first and last cycle that count, None for all
     windows : of each run, the length of its integration windows [s], None for the rule of the rig
-    withheld : numbers of runs that take part in neither choice nor fit; without any, causes are chosen on all runs and each
-        run but open circuits is left out of the fit once
+    withheld : numbers of runs that take part in neither choice nor fit; without any, causes are
+        chosen on all runs and each run but open circuits is left out of the fit once
     seed : of the resampling that the closure's interval comes from
     on_progress : called with a sentence on each step
 
@@ -156,14 +176,18 @@ def diagnose(
     channels = read_by(data.nominal)
     if not any(log.noise.seen.any() for k, log in enumerate(data.logs) if k not in data.withheld):
         raise LogError(
-            f"{data.logs[0].run.name}: no log that takes part has {', '.join(channels[:-1])} or {channels[-1]} that the model "
-            "could be compared with; expected one of them at least beside the velocity. Name the columns in a rig file under "
+            f"{data.logs[0].run.name}: no log that takes part has {', '.join(channels[:-1])} or "
+            f"{channels[-1]} that the model "
+            "could be compared with; expected one of them at least beside the velocity. Name the "
+            "columns in a rig file under "
             "[columns]."
         )
     directions = undetermined(data)
     problem = RigProblem(data, suspects, exclusive=alike(directions, suspects))
     found = search(problem, on_progress)
-    calmed = data.with_ramps(data.measured - data.predict(found.best.nu, found.best.effects(suspects)))
+    calmed = data.with_ramps(
+        data.measured - data.predict(found.best.nu, found.best.effects(suspects))
+    )
     if calmed is not None:
         data = calmed
         found = search(msgspec.structs.replace(problem, data=data), on_progress, found.best)
@@ -212,7 +236,9 @@ def _with_causes(
     windows: Sequence[float | None] | None,
     on_progress: Callable[[str], None],
 ) -> ModelDiagnosis:
-    """The result with the causes of the best fit, what each contributes, how far they close the gap, and what is too small."""
+    """The result with the causes of the best fit, what each contributes, how far they close the
+    gap, and what is too small.
+    """
     data, suspects, found = result.data, result.suspects, result.found
     if not found.best.names:
         contributions, _, inputs = contributions_of(data, found, (), windows)
@@ -226,7 +252,11 @@ def _with_causes(
     on_progress("predicting withheld runs")
     withheld = sorted(data.withheld)
     left_out = withheld or judging(data)
-    closure = close(data, found, found.best, withheld, result.seed) if withheld else held_out.of(found, found.best)
+    closure = (
+        close(data, found, found.best, withheld, result.seed)
+        if withheld
+        else held_out.of(found, found.best)
+    )
     on_progress("looking for alternative explanations")
     fitted = with_stability(data, found, causes_of(data, found, result.undetermined))
     on_progress("splitting the difference among the causes")
@@ -250,9 +280,10 @@ def _with_causes(
 def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelDiagnosis:
     """The result with its verdict, what remains, where the gap lies, and what to test next.
 
-    Explained needs more than a residual without structure: numbers that agree between runs and are plausible, no causes that
-    cancel each other, no channel that a prediction makes worse, energies and efficiencies within their uncertainty.
-    Unexplained: less than half is closed. Partly explained in between. What may imitate something else is a candidate.
+    Explained needs more than a residual without structure: numbers that agree between runs and are
+    plausible, no causes that cancel each other, no channel that a prediction makes worse, energies
+    and efficiencies within their uncertainty. Unexplained: less than half is closed. Partly
+    explained in between. What may imitate something else is a candidate.
     """
     data, found, closure = result.data, result.found, result.closure
     signs = ringing(result.judged, *SIGNS)
@@ -260,7 +291,9 @@ def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelD
     if not (causes or signs):
         return msgspec.structs.replace(result, closure=None)
     share = 0.0 if closure is None else closure.share
-    verdict: Verdict = "explained" if not signs else "unexplained" if share < HALF else "partly_explained"
+    verdict: Verdict = (
+        "explained" if not signs else "unexplained" if share < HALF else "partly_explained"
+    )
     candidates: tuple[NamedCause, ...] = ()
     if verdict != "explained":
         causes, candidates = parted(causes, signs, share)
@@ -274,8 +307,12 @@ def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelD
         verdict=verdict,
         causes=causes,
         candidates=candidates,
-        contributions=without(result.contributions, gone | minor, among="residual" if gone else "tolerances"),
-        where=locate(data, data.without_zeros(data.measured - result.predicted), result.places, stage, own),
+        contributions=without(
+            result.contributions, gone | minor, among="residual" if gone else "tolerances"
+        ),
+        where=locate(
+            data, data.without_zeros(data.measured - result.predicted), result.places, stage, own
+        ),
         remainder=Remainder(
             share=1.0 if closure is None else max(1.0 - share, 0.0),
             alarms=signs,
@@ -288,24 +325,36 @@ def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelD
 def parted(
     causes: Sequence[NamedCause], signs: Sequence[Alarm], share: float
 ) -> tuple[tuple[NamedCause, ...], tuple[NamedCause, ...]]:
-    """Causes and candidates of a gap that is not explained: a name is a cause where little is left, and candidate otherwise.
+    """Causes and candidates of a gap that is not explained: a name is a cause where little is left,
+    and candidate otherwise.
 
     Parameters
     ----------
     share : of the gap that is closed [1]
     """
-    little = share >= MOSTLY and all(one.size <= MARGIN * one.limit for one in signs if one.kind != "range")
-    listed = [msgspec.structs.replace(one, probability=min(one.probability, OPEN)) for one in causes]
+    little = share >= MOSTLY and all(
+        one.size <= MARGIN * one.limit for one in signs if one.kind != "range"
+    )
+    listed = [
+        msgspec.structs.replace(one, probability=min(one.probability, OPEN)) for one in causes
+    ]
     undone = {
-        name for one in signs if one.kind == "cancelling" and isinstance(one.about, Spot) for name in one.about.effects
+        name
+        for one in signs
+        if one.kind == "cancelling" and isinstance(one.about, Spot)
+        for name in one.about.effects
     }
-    steady = {one.effect for one in listed if little and not (one.stability and one.stability.trends)} - undone
+    steady = {
+        one.effect for one in listed if little and not (one.stability and one.stability.trends)
+    } - undone
     return tuple(one for one in listed if one.effect in steady), tuple(
         one for one in listed if one.effect not in steady
     )
 
 
-def _thresholds(result: ModelDiagnosis, windows: Sequence[float | None] | None) -> tuple[Threshold, ...]:
+def _thresholds(
+    result: ModelDiagnosis, windows: Sequence[float | None] | None
+) -> tuple[Threshold, ...]:
     """How large each effect would have to be to be named in logs that need none."""
     data, nu = result.data, result.found.best.nu
 
@@ -314,22 +363,30 @@ def _thresholds(result: ModelDiagnosis, windows: Sequence[float | None] | None) 
         return (
             size
             if size >= 1.0
-            else largest_change(data, efficiency_changes(data, nu, effect, windows), np.zeros_like(data.noise))[0]
+            else largest_change(
+                data, efficiency_changes(data, nu, effect, windows), np.zeros_like(data.noise)
+            )[0]
         )
 
     return thresholds(result.found, relevance)
 
 
 def _hints(result: ModelDiagnosis) -> tuple[Minor, ...]:
-    """Effects that beside the causes have evidence, though less than a cause needs, strongest first."""
+    """Effects that beside the causes have evidence, though less than a cause needs, strongest
+    first.
+    """
     data, suspects, found = result.data, result.suspects, result.found
     best, evidence = found.best, found.evidence
     near = [
-        fit for names, fit in found.sets().items() if len(names) == len(best.names) + 1 and set(best.names) < set(names)
+        fit
+        for names, fit in found.sets().items()
+        if len(names) == len(best.names) + 1 and set(best.names) < set(names)
     ]
     gains = {fit.names: evidence.of(fit) - evidence.of(best) for fit in near}
     hints = []
-    for fit in sorted((fit for fit in near if gains[fit.names] > 0.0), key=lambda fit: -gains[fit.names])[:HINTS]:
+    for fit in sorted(
+        (fit for fit in near if gains[fit.names] > 0.0), key=lambda fit: -gains[fit.names]
+    )[:HINTS]:
         name = next(n for n in fit.names if n not in best.names)
         _, largest = largest_change(data, (), moved_by(data, suspects, fit)[name])
         if largest is not None:
@@ -338,8 +395,11 @@ def _hints(result: ModelDiagnosis) -> tuple[Minor, ...]:
     return tuple(hints)
 
 
-def withheld_numbers(loads: Sequence[float], runs: Sequence[Run], marked: Sequence[bool]) -> list[int]:
-    """Numbers of the runs to withhold: those of the loads that are named, else those that the campaign marks.
+def withheld_numbers(
+    loads: Sequence[float], runs: Sequence[Run], marked: Sequence[bool]
+) -> list[int]:
+    """Numbers of the runs to withhold: those of the loads that are named, else those that the
+    campaign marks.
 
     Raises
     ------
@@ -349,9 +409,15 @@ def withheld_numbers(loads: Sequence[float], runs: Sequence[Run], marked: Sequen
         return [k for k, mark in enumerate(marked) if mark]
     found: list[int] = []
     for load in loads:
-        own = [k for k, run in enumerate(runs) if run.load is not None and math.isclose(run.load, load, rel_tol=1e-6)]
+        own = [
+            k
+            for k, run in enumerate(runs)
+            if run.load is not None and math.isclose(run.load, load, rel_tol=1e-6)
+        ]
         if not own:
             there = ", ".join(f"{run.load:g}" for run in runs if run.load is not None)
-            raise OptionError(f"--withhold {load:g}: no run of the campaign has this load; it has {there} ohm.")
+            raise OptionError(
+                f"--withhold {load:g}: no run of the campaign has this load; it has {there} ohm."
+            )
         found += own
     return sorted(set(found))

@@ -1,6 +1,8 @@
-"""What a diagnosis found, by a model or without one, as data, and the rules that both share; `report` makes the sentences.
+"""What a diagnosis found, by a model or without one, as data, and the rules that both share;
+`report` makes the sentences.
 
-Numbers are in SI units, loads in ohm (inf for an open circuit, None for none), runs are given by their number.
+Numbers are in SI units, loads in ohm (inf for an open circuit, None for none), runs are given by
+their number.
 """
 
 from __future__ import annotations
@@ -34,12 +36,14 @@ RIVALS = 2
 """Maximum number of look-alikes of a cause that are its `rivals`."""
 
 
-# ------------------------------------------------------------------------------------------------------ where a gap lies
+# ------------------------------------------------------------------------------- where a gap lies
 class Spot(msgspec.Struct, frozen=True):
-    """A spot of the gap: a channel or a metric, in one phase, at one load and in one run where these are stated.
+    """A spot of the gap: a channel or a metric, in one phase, at one load and in one run where
+    these are stated.
 
-    `bias` is a difference there, and `z` one in standard deviations; NaN where it is not stated. `within_blocks` is about the
-    samples within blocks and not about the means of blocks. Of `effects` it is about their numbers, or how they cancel there.
+    `bias` is a difference there, and `z` one in standard deviations; NaN where it is not stated.
+    `within_blocks` is about the samples within blocks and not about the means of blocks. Of
+    `effects` it is about their numbers, or how they cancel there.
     """
 
     channel: str = ""
@@ -53,13 +57,15 @@ class Spot(msgspec.Struct, frozen=True):
 
 
 class Place(msgspec.Struct, frozen=True, kw_only=True):
-    """Measured minus predicted in one phase of one log, weighed over its `blocks`: of a channel, or of the output of a stage.
+    """Measured minus predicted in one phase of one log, weighed over its `blocks`: of a channel, or
+    of the output of a stage.
 
-    `bias` and `rms` are those of the means of blocks, `noise` one standard deviation of a block. Standard uncertainties of
-    the bias: `u_noise` of noise and zeros, `u_repeat` of how cycles repeat (NaN with one), `u_tolerance` of the numbers and
-    gains of the rig. `z` is the bias over all three. From end to end the zero of the log is taken off. A `stage` is compared
-    with what it makes of its own measured `inputs`, no zero taken off. Without a model a place holds all logs (`log` is -1),
-    and `share` is its share of the squared gap.
+    `bias` and `rms` are those of the means of blocks, `noise` one standard deviation of a block.
+    Standard uncertainties of the bias: `u_noise` of noise and zeros, `u_repeat` of how cycles
+    repeat (NaN with one), `u_tolerance` of the numbers and gains of the rig. `z` is the bias over
+    all three. From end to end the zero of the log is taken off. A `stage` is compared with what it
+    makes of its own measured `inputs`, no zero taken off. Without a model a place holds all logs
+    (`log` is -1), and `share` is its share of the squared gap.
     """
 
     channel: str = ""
@@ -82,8 +88,9 @@ class Place(msgspec.Struct, frozen=True, kw_only=True):
 class Where(msgspec.Struct, frozen=True):
     """Where a gap lies: the stage and the place of the map that shows it most.
 
-    With a model `rpm` and `i_dc` span the blocks with a significant gap [rpm, A], `size` is the largest bias there. `arises`
-    are the stages that deviate with logged inputs to each, the worst first, each with its worst place; None without a model.
+    With a model `rpm` and `i_dc` span the blocks with a significant gap [rpm, A], `size` is the
+    largest bias there. `arises` are the stages that deviate with logged inputs to each, the worst
+    first, each with its worst place; None without a model.
     """
 
     stage: str
@@ -94,12 +101,13 @@ class Where(msgspec.Struct, frozen=True):
     arises: tuple[Place, ...] | None = None
 
 
-# ------------------------------------------------------------------------------------------------------------ the causes
+# ------------------------------------------------------------------------------------- the causes
 class Reported(msgspec.Struct, frozen=True):
     """A number with its 95 % interval, which includes the tolerance of what the effect changes.
 
-    One that the data push against an end of its range is `at_limit`, with a one-sided interval; one beyond what is plausible,
-    but within what is possible, is `beyond_range`. The interval of one that the data do not determine is infinite.
+    One that the data push against an end of its range is `at_limit`, with a one-sided interval; one
+    beyond what is plausible, but within what is possible, is `beyond_range`. The interval of one
+    that the data do not determine is infinite.
     """
 
     value: float
@@ -116,7 +124,9 @@ class Reported(msgspec.Struct, frozen=True):
 
 
 class Alternative(msgspec.Struct, frozen=True):
-    """A suspect that explains the same data as well in place of a cause, and where the two explanations differ most."""
+    """A suspect that explains the same data as well in place of a cause, and where the two
+    explanations differ most.
+    """
 
     effect: str
     probability: float
@@ -124,7 +134,9 @@ class Alternative(msgspec.Struct, frozen=True):
 
 
 class RunValue(msgspec.Struct, frozen=True):
-    """Number of a cause in one run with its 95 % interval; NaN where it is `withheld` or hardly depends on it."""
+    """Number of a cause in one run with its 95 % interval; NaN where it is `withheld` or hardly
+    depends on it.
+    """
 
     run: int
     value: float = math.nan
@@ -134,14 +146,17 @@ class RunValue(msgspec.Struct, frozen=True):
 
 
 Along = Literal["order", "load", "scatter"]
-"""What the number of a cause changes along: the order of the runs, the conductance of their loads, or neither."""
+"""What the number of a cause changes along: the order of the runs, the conductance of their
+loads, or neither.
+"""
 
 
 class Trend(msgspec.Struct, frozen=True):
     """A difference between the numbers of the runs that their uncertainties do not allow.
 
-    `change` is that from the first run or smallest conductance to the last, or the range of a scatter, `u` its standard
-    uncertainty, `chance` its probability among runs that agree, `instead` what would explain it as well.
+    `change` is that from the first run or smallest conductance to the last, or the range of a
+    scatter, `u` its standard uncertainty, `chance` its probability among runs that agree, `instead`
+    what would explain it as well.
     """
 
     along: Along
@@ -152,17 +167,20 @@ class Trend(msgspec.Struct, frozen=True):
 
 
 class Stability(msgspec.Struct, frozen=True):
-    """The number of a cause in every run, in their order, and what differs between them beyond their uncertainties."""
+    """The number of a cause in every run, in their order, and what differs between them beyond
+    their uncertainties.
+    """
 
     runs: tuple[RunValue, ...]
     trends: tuple[Trend, ...]
 
 
 class NamedCause(msgspec.Struct, frozen=True):
-    """An effect that is needed: its posterior probability within the catalogue, its numbers, and all that would explain the
-    data about as well in its place.
+    """An effect that is needed: its posterior probability within the catalogue, its numbers, and
+    all that would explain the data about as well in its place.
 
-    `weight` is the share of the objective that it carries, `ablation` that of the gap that a fit of the others closes.
+    `weight` is the share of the objective that it carries, `ablation` that of the gap that a fit of
+    the others closes.
     """
 
     effect: str
@@ -181,8 +199,8 @@ class NamedCause(msgspec.Struct, frozen=True):
 
 
 class Judgement(msgspec.Struct, frozen=True):
-    """What a diagnosis knows of its rig, for all that uses its numbers: causes and candidates by name, and of each that has
-    some, the effects that explain the logs as well.
+    """What a diagnosis knows of its rig, for all that uses its numbers: causes and candidates by
+    name, and of each that has some, the effects that explain the logs as well.
     """
 
     verdict: Verdict
@@ -210,14 +228,15 @@ class Judgement(msgspec.Struct, frozen=True):
         """
         if self.verdict == "unexplained" and not force:
             raise OptionError(
-                f"{purpose}: the gap of this diagnosis is unexplained, so that the corrected rig is wrong by as much; find its "
+                f"{purpose}: the gap of this diagnosis is unexplained, so that the corrected rig "
+                f"is wrong by as much; find its "
                 "cause first, or give --force, which states the verdict with every result."
             )
 
 
 class SingleEffect(msgspec.Struct, frozen=True):
-    """An effect alone: its evidence relative to that of the best set [nats], and the share of the gap that it closes on
-    held-out logs, NaN without a gap.
+    """An effect alone: its evidence relative to that of the best set [nats], and the share of the
+    gap that it closes on held-out logs, NaN without a gap.
     """
 
     effect: str
@@ -226,7 +245,9 @@ class SingleEffect(msgspec.Struct, frozen=True):
 
 
 class LargestChange(msgspec.Struct, frozen=True):
-    """What an effect changes most: an efficiency, or the mean of a channel in a `phase` as a share of its plateau. [1]"""
+    """What an effect changes most: an efficiency, or the mean of a channel in a `phase` as a
+    share of its plateau. [1]
+    """
 
     name: str
     change: float
@@ -235,9 +256,11 @@ class LargestChange(msgspec.Struct, frozen=True):
 
 
 class Minor(msgspec.Struct, frozen=True):
-    """An effect that is no cause, with its numbers and what it changes most: significant but too small to matter, or a hint.
+    """An effect that is no cause, with its numbers and what it changes most: significant but too
+    small to matter, or a hint.
 
-    `hint` is the evidence that a hint has, less than a cause needs [nats]; NaN for one that is significant.
+    `hint` is the evidence that a hint has, less than a cause needs [nats]; NaN for one that is
+    significant.
     """
 
     effect: str
@@ -247,12 +270,13 @@ class Minor(msgspec.Struct, frozen=True):
     hint: float = math.nan
 
 
-# ----------------------------------------------------------------------------------------------- energies and efficiencies
+# ---------------------------------------------------------------------- energies and efficiencies
 class StageEnergy(msgspec.Struct, frozen=True):
     """Energy of one stage over one phase of one run, or of one `cycle` of it, payout positive [J].
 
-    `before` is that of the model of the rig file, or of line tension times speed, `after` that of the fit, each with the zeros
-    of the sensors. `u` is the standard uncertainty of measured minus after. `cycles` is their number.
+    `before` is that of the model of the rig file, or of line tension times speed, `after` that of
+    the fit, each with the zeros of the sensors. `u` is the standard uncertainty of measured minus
+    after. `cycles` is their number.
     """
 
     run: int
@@ -267,12 +291,15 @@ class StageEnergy(msgspec.Struct, frozen=True):
 
 
 ContributionKind = Literal["physical", "sensor", "entry", "tolerances", "model_form", "residual"]
-"""What a part of a difference is: a cause that costs energy, one that changes only what is read, a wrong entry; the fitted
-numbers and sensors of the rig within their tolerances, the difference between two models, and the rest."""
+"""What a part of a difference is: a cause that costs energy, one that changes only what is read, a
+wrong entry; the fitted numbers and sensors of the rig within their tolerances, the difference
+between two models, and the rest."""
 
 
 class ContributionPart(msgspec.Struct, frozen=True):
-    """One part of the difference between model and measured run with its 95 % interval; `effect` is None for no cause."""
+    """One part of the difference between model and measured run with its 95 % interval; `effect`
+    is None for no cause.
+    """
 
     effect: str | None
     kind: ContributionKind
@@ -282,9 +309,11 @@ class ContributionPart(msgspec.Struct, frozen=True):
 
 
 class Contribution(msgspec.Struct, frozen=True):
-    """One of the nine metrics of a run, or the mean of a channel: as given, as measured, and what adds up to the difference.
+    """One of the nine metrics of a run, or the mean of a channel: as given, as measured, and what
+    adds up to the difference.
 
-    NaN and no parts where the run cannot give it. `plateau_speed` is the mean of the run [m/s], None without a plateau.
+    NaN and no parts where the run cannot give it. `plateau_speed` is the mean of the run [m/s],
+    None without a plateau.
     """
 
     log: int
@@ -296,7 +325,7 @@ class Contribution(msgspec.Struct, frozen=True):
     plateau_speed: float | None = None
 
 
-# ---------------------------------------------------------------------------------------------- closure and what remains
+# ----------------------------------------------------------------------- closure and what remains
 class Shrunk(msgspec.Struct, frozen=True):
     """Root mean squares of one channel over the withheld logs: before, after, and noise."""
 
@@ -315,7 +344,9 @@ class Shrunk(msgspec.Struct, frozen=True):
 
 
 class GapClosure(msgspec.Struct, frozen=True):
-    """Share of the gap that the causes close on data that took no part in their fit, with its 95 % interval, and by channel."""
+    """Share of the gap that the causes close on data that took no part in their fit, with its 95
+    % interval, and by channel.
+    """
 
     channels: dict[str, Shrunk]
     share: float
@@ -330,7 +361,9 @@ AlarmKind = Literal[
 
 
 class Alarm(msgspec.Struct, frozen=True):
-    """One sign of something unexplained: its kind, where, its size and the limit that it passes, in the same unit."""
+    """One sign of something unexplained: its kind, where, its size and the limit that it passes,
+    in the same unit.
+    """
 
     kind: AlarmKind
     about: Spot | Nuisance
@@ -339,7 +372,9 @@ class Alarm(msgspec.Struct, frozen=True):
 
 
 class Remainder(msgspec.Struct, frozen=True):
-    """What the causes leave: the share of the gap on withheld data, the signs of structure in it, and where it is worst."""
+    """What the causes leave: the share of the gap on withheld data, the signs of structure in
+    it, and where it is worst.
+    """
 
     share: float
     alarms: tuple[Alarm, ...]
@@ -349,10 +384,10 @@ class Remainder(msgspec.Struct, frozen=True):
 class Experiment(msgspec.Struct, frozen=True):
     """One run that would distinguish two suspects, and by how many standard deviations.
 
-    `speed` is the highest one [m/s]; `load`, `length` of the payout [m], and the `time` of a stroke at the top speed of the
-    campaign [s] belong to a `cycle`. Of stages without a model the campaign is run again `scaled`:
-    `speed` and `force` are the tops of the signals `axes`, in SI units. `repeats` is a log whose load is run again after
-    all others.
+    `speed` is the highest one [m/s]; `load`, `length` of the payout [m], and the `time` of a stroke
+    at the top speed of the campaign [s] belong to a `cycle`. Of stages without a model the campaign
+    is run again `scaled`: `speed` and `force` are the tops of the signals `axes`, in SI units.
+    `repeats` is a log whose load is run again after all others.
     """
 
     motion: Literal["cycle", "scaled"]
@@ -367,11 +402,13 @@ class Experiment(msgspec.Struct, frozen=True):
     repeats: str = ""
 
 
-# ---------------------------------------------------------------------------------------------------- your own simulation
+# ---------------------------------------------------------------------------- your own simulation
 class ModelForm(msgspec.Struct, frozen=True):
-    """What the owner's own simulation has in another form than the rig's model: the effect or simplification that is `likely`.
+    """What the owner's own simulation has in another form than the rig's model: the effect or
+    simplification that is `likely`.
 
-    `bias` is simulation minus rig's model at the place where it shows most, all differences together, `z` in its uncertainties.
+    `bias` is simulation minus rig's model at the place where it shows most, all differences
+    together, `z` in its uncertainties.
     """
 
     stage: str
@@ -386,9 +423,10 @@ class ModelForm(msgspec.Struct, frozen=True):
 class OwnSimulation(msgspec.Struct, frozen=True):
     """The owner's own simulation beside the rig's model.
 
-    `runs` are the simulations on the stamps of the logs, `forms` what they have in another form, the largest first, with the
-    `numbers` of each that is likely. `shared` are the causes of the logs that the simulation contains with
-    the same numbers, where it differs from the logs by no more than noise: they are no causes of that difference.
+    `runs` are the simulations on the stamps of the logs, `forms` what they have in another form,
+    the largest first, with the `numbers` of each that is likely. `shared` are the causes of the
+    logs that the simulation contains with the same numbers, where it differs from the logs by no
+    more than noise: they are no causes of that difference.
     """
 
     runs: tuple[Run, ...]
@@ -397,7 +435,7 @@ class OwnSimulation(msgspec.Struct, frozen=True):
     shared: Names = ()
 
 
-# ------------------------------------------------------------------------------------------------------------- the result
+# ------------------------------------------------------------------------------------- the result
 class DiagnosisResult(Viewed, frozen=True, kw_only=True):
     """The answer of a diagnosis, by a model or without one.
 
@@ -454,13 +492,17 @@ class DiagnosisResult(Viewed, frozen=True, kw_only=True):
             self.verdict,
             tuple(cause.effect for cause in self.causes),
             tuple(cause.effect for cause in self.candidates),
-            {cause.effect: tuple(one.effect for one in cause.look_alikes) for cause in listed if cause.look_alikes},
+            {
+                cause.effect: tuple(one.effect for one in cause.look_alikes)
+                for cause in listed
+                if cause.look_alikes
+            },
         )
 
 
 class Entries(msgspec.Struct, frozen=True):
-    """Runs of a campaign with its title; of each run the first and last cycle that count, None for all, and the numbers of the
-    runs that take part in neither choice nor fit.
+    """Runs of a campaign with its title; of each run the first and last cycle that count, None for
+    all, and the numbers of the runs that take part in neither choice nor fit.
     """
 
     runs: Sequence[Run]
@@ -469,9 +511,15 @@ class Entries(msgspec.Struct, frozen=True):
     title: str = ""
 
     def check_withheld(self) -> None:
-        """Reject entries that are all withheld, or that withhold a log that takes part as another run: CampaignError."""
+        """Reject entries that are all withheld, or that withhold a log that takes part as
+        another run: CampaignError.
+        """
         if len(self.runs) <= len(set(self.withheld)):
-            raise CampaignError("every run is withheld; a diagnosis needs at least one that takes part in the fit.")
+            raise CampaignError(
+                "every run is withheld; a diagnosis needs at least one that takes part in the fit."
+            )
         names = [run.name for run in self.runs]
         logs = [run.sha256 and f"{run.sha256}\0{run.table or ''}" for run in self.runs]
-        check_held_out(names, logs, self.cycles or [None] * len(names), self.withheld, self.title or "campaign")
+        check_held_out(
+            names, logs, self.cycles or [None] * len(names), self.withheld, self.title or "campaign"
+        )

@@ -1,9 +1,12 @@
-"""The gap between logs and the owner's own simulation: what the simulation has in another form than the rig's model.
+"""The gap between logs and the owner's own simulation: what the simulation has in another form than
+the rig's model.
 
-Causes are fitted with the rig's model against the logs. The own simulation is fitted as if it were a set of logs, with the same
-search; beside the effects of the catalogue it may lack what simulations usually simplify. Then
+Causes are fitted with the rig's model against the logs. The own simulation is fitted as if it were
+a set of logs, with the same search; beside the effects of the catalogue it may lack what
+simulations usually simplify. Then
 
-    log - own simulation = causes + tolerances + (model of the rig file - own simulation) + residual.
+    log - own simulation = causes + tolerances + (model of the rig file - own simulation) +
+    residual.
 """
 
 from __future__ import annotations
@@ -43,32 +46,45 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.fit.suspects import Suspects
 
 SAME = 0.01
-"""Maximum rms difference of the velocities of log and simulation, as a share of the rms velocity. [1]"""
+"""Maximum rms difference of the velocities of log and simulation, as a share of the rms
+velocity. [1]
+"""
 
 AT_ONCE = 0.1
-"""Smaller shifts between log and simulation, in intervals of the log, are noise of the velocity and count as none. [1]"""
+"""Smaller shifts between log and simulation, in intervals of the log, are noise of the velocity
+and count as none. [1]
+"""
 
 BEYOND = 1.5
-"""Number of intervals before the beginning and after the end of a simulation beyond which its line is at rest. [1]"""
+"""Number of intervals before the beginning and after the end of a simulation beyond which its
+line is at rest. [1]
+"""
 
 NEAR, SHIFTED = 0.64, 1e-5
-"""The shift is refined within the first of these, as the correlation of logs that begin or end within a motion deviates, and to
-the second, both over the ramp of the motion. [1]"""
+"""The shift is refined within the first of these, as the correlation of logs that begin or end
+within a motion deviates, and to the second, both over the ramp of the motion. [1]"""
 
 FINER = 1.5
-"""Minimum number of samples of a simulation for each of the log from which it is averaged over the intervals of the log. [1]"""
+"""Minimum number of samples of a simulation for each of the log from which it is averaged over
+the intervals of the log. [1]
+"""
 
 APART = 5.0
-"""Ratio of the levels of a simulated channel and its log, or its inverse, that shows another unit than the assumed one: bar and
-kg/cm2 are too close, newton and kilogram-force are not. [1]"""
+"""Ratio of the levels of a simulated channel and its log, or its inverse, that shows another unit
+than the assumed one: bar and kg/cm2 are too close, newton and kilogram-force are not. [1]"""
 
 SHOWS = 3.0
-"""Smallest significance of a place at which a simulation has another form: two that cancel each other there show nothing."""
+"""Smallest significance of a place at which a simulation has another form: two that cancel each
+other there show nothing.
+"""
 
 
-# -------------------------------------------------------------------------------------------------- at the stamps of the logs
+# ---------------------------------------------------------------------- at the stamps of the logs
 def on_the_logs(
-    simulations: Sequence[Run], logs: Sequence[Run], rig: Rig, cycles: Sequence[tuple[int, int] | None]
+    simulations: Sequence[Run],
+    logs: Sequence[Run],
+    rig: Rig,
+    cycles: Sequence[tuple[int, int] | None],
 ) -> list[Run]:
     """Bring the simulation of each run to the stamps of its log.
 
@@ -101,37 +117,48 @@ def onto_log(simulation: Run, log: Run, counted: slice) -> Run:
     ------
     LogError : the simulation lacks a channel that the log has, or has another line motion
     """
-    missing = [name for name in CHANNELS if name in log.channels and name not in simulation.channels]
+    missing = [
+        name for name in CHANNELS if name in log.channels and name not in simulation.channels
+    ]
     if missing:
         raise LogError(
-            f"{simulation.path}: the simulation has no column for {', '.join(missing)}, which the log {log.name} has; found "
-            f"{', '.join(simulation.channels)}. Export {'them' if len(missing) > 1 else 'it'} too, or name the column in the "
+            f"{simulation.path}: the simulation has no column for {', '.join(missing)}, which the "
+            f"log {log.name} has; found "
+            f"{', '.join(simulation.channels)}. Export {'them' if len(missing) > 1 else 'it'} "
+            f"too, or name the column in the "
             "rig file under [columns]."
         )
     shift, difference = _aligned(simulation, log, counted)
     if difference > SAME:
         raise LogError(
-            f"{simulation.path}: the simulation has another line motion than the log {log.name}: the velocities differ by "
-            f"{100.0 * difference:.2g} % rms after a shift of {shift:.3g} s; expected {100.0 * SAME:g} % at most. Drive the "
+            f"{simulation.path}: the simulation has another line motion than the log {log.name}: "
+            f"the velocities differ by "
+            f"{100.0 * difference:.2g} % rms after a shift of {shift:.3g} s; expected "
+            f"{100.0 * SAME:g} % at most. Drive the "
             "simulation with the velocity of the log, over all cycles that count."
         )
-    channels = {name: _sampled(simulation, x, log, shift) for name, x in simulation.channels.items()}
+    channels = {
+        name: _sampled(simulation, x, log, shift) for name, x in simulation.channels.items()
+    }
     at_log = {"t": log.t, "fs": log.fs, "samples": log.t.size, "load": log.load}
     return msgspec.structs.replace(simulation, channels=channels, gaps={}, simulated=True, **at_log)
 
 
 def _aligned(simulation: Run, log: Run, counted: slice) -> tuple[float, float]:
-    """By how much the clock of a simulation is ahead of that of its log [s], and the difference of the velocities then [1].
+    """By how much the clock of a simulation is ahead of that of its log [s], and the difference of
+    the velocities then [1].
 
-    The clocks may be the same, begin with the first sample, or be related by the correlation of the velocities, which are taken
-    without the noise of an encoder.
+    The clocks may be the same, begin with the first sample, or be related by the correlation of the
+    velocities, which are taken without the noise of an encoder.
     """
     from scipy.optimize import minimize_scalar
     from scipy.signal import correlate
 
     ramp = motion_of_runs([log]).ramp
     width, within = SMOOTHING * ramp, NEAR * ramp
-    velocity, other = (local_quadratic(run.t, run.channels["velocity"], width) for run in (log, simulation))
+    velocity, other = (
+        local_quadratic(run.t, run.channels["velocity"], width) for run in (log, simulation)
+    )
     step, scale = 1.0 / log.fs, max(float(np.sqrt(np.mean(velocity[counted] ** 2))), 1e-6)
 
     def difference(shift: float) -> float:
@@ -141,18 +168,27 @@ def _aligned(simulation: Run, log: Run, counted: slice) -> tuple[float, float]:
         return float(np.sqrt(np.mean((moved - velocity[counted]) ** 2))) / scale
 
     at_log, at_other = (np.arange(run.t[0], run.t[-1], step) for run in (log, simulation))
-    together = correlate(np.interp(at_other, simulation.t, other), np.interp(at_log, log.t, velocity), method="fft")
+    together = correlate(
+        np.interp(at_other, simulation.t, other), np.interp(at_log, log.t, velocity), method="fft"
+    )
     begins = float(simulation.t[0] - log.t[0])
-    near = min((0.0, begins, begins + (int(np.argmax(together)) - at_log.size + 1) * step), key=difference)
+    near = min(
+        (0.0, begins, begins + (int(np.argmax(together)) - at_log.size + 1) * step), key=difference
+    )
     found = minimize_scalar(
-        difference, bounds=(near - within, near + within), method="bounded", options={"xatol": SHIFTED * ramp}
+        difference,
+        bounds=(near - within, near + within),
+        method="bounded",
+        options={"xatol": SHIFTED * ramp},
     )
     shift = 0.0 if abs(found.x) < AT_ONCE * step else float(found.x)
     return shift, difference(shift)
 
 
 def _sampled(simulation: Run, x: Signal, log: Run, shift: float) -> Signal:
-    """A channel of a simulation at the stamps of its log, (n,): between two samples by a straight line, of many the mean."""
+    """A channel of a simulation at the stamps of its log, (n,): between two samples by a
+    straight line, of many the mean.
+    """
     at, half = log.t + shift, 0.5 / log.fs
     if simulation.fs < FINER * log.fs:
         return np.interp(at, simulation.t, x)
@@ -163,24 +199,36 @@ def _sampled(simulation: Run, x: Signal, log: Run, shift: float) -> Signal:
 
 
 def _check_levels(simulation: Run, log: Run, rig: Rig, blocks: Blocks) -> None:
-    """Reject a simulation with a channel of an assumed unit whose level is far from that of the log: LogError."""
+    """Reject a simulation with a channel of an assumed unit whose level is far from that of the
+    log: LogError.
+    """
     assumed = {finding.channel for finding in simulation.findings if finding.kind == "unit_assumed"}
-    for name in (name for name in CHANNELS if name in assumed and name in log.channels and blocks.size):
+    for name in (
+        name for name in CHANNELS if name in assumed and name in log.channels and blocks.size
+    ):
         if name == "idc" and log.open_circuit:
             continue
-        here, logged = (float(np.sqrt(np.mean(blocks.mean(run.channels[name]) ** 2))) for run in (simulation, log))
+        here, logged = (
+            float(np.sqrt(np.mean(blocks.mean(run.channels[name]) ** 2)))
+            for run in (simulation, log)
+        )
         ratio, channel = (here / logged if logged else 1.0), rig.known_channels[name]
         if 1.0 / APART < ratio < APART:
             continue
-        units = {unit: factor / UNITS[channel.unit].factor for factor, unit in unit_names(channel.dimension).items()}
+        units = {
+            unit: factor / UNITS[channel.unit].factor
+            for factor, unit in unit_names(channel.dimension).items()
+        }
         likely = min(units, key=lambda unit: abs(math.log10(max(ratio * units[unit], 1e-12))))
         raise LogError(
-            f"{simulation.path}: its {name} has no known unit, was taken as {channel.unit}, and is {ratio:.3g} times that of "
-            f"the log {log.name}; the unit may be {likely}. State it in the header of the column, such as {name} ({likely})."
+            f"{simulation.path}: its {name} has no known unit, was taken as {channel.unit}, and "
+            f"is {ratio:.3g} times that of "
+            f"the log {log.name}; the unit may be {likely}. State it in the header of the column, "
+            f"such as {name} ({likely})."
         )
 
 
-# ------------------------------------------------------------------------------------------------------- as the baseline
+# -------------------------------------------------------------------------------- as the baseline
 def beside_own_simulation(
     result: ModelDiagnosis,
     simulations: Sequence[Run],
@@ -190,9 +238,9 @@ def beside_own_simulation(
 ) -> ModelDiagnosis:
     """A diagnosis by the rig's model with the own simulation as its baseline.
 
-    Verdict and causes stay, as they follow from log and model; but if the simulation contains all causes with the same numbers
-    and differs from the logs by no more than noise, it leaves no gap. Map, place, closure and contributions are those of log
-    minus own simulation.
+    Verdict and causes stay, as they follow from log and model; but if the simulation contains all
+    causes with the same numbers and differs from the logs by no more than noise, it leaves no gap.
+    Map, place, closure and contributions are those of log minus own simulation.
 
     Parameters
     ----------
@@ -201,7 +249,10 @@ def beside_own_simulation(
     """
     data = result.data
     given = np.concatenate(
-        [means_over(log.course.blocks, run) for log, run in zip(data.logs, simulations, strict=True)]
+        [
+            means_over(log.course.blocks, run)
+            for log, run in zip(data.logs, simulations, strict=True)
+        ]
     )
     nothing = np.zeros(len(data.nuisances))
     places = compare(data, given, data.tolerances(nothing, []))
@@ -212,7 +263,8 @@ def beside_own_simulation(
         predicted=given,
         places=places,
         where=where and locate(data, gap, places, where.stage, where.arises),
-        closure=closure and closure_between(data, gap, closure.residual, closure.predictions, result.seed),
+        closure=closure
+        and closure_between(data, gap, closure.residual, closure.predictions, result.seed),
         own_simulation=own,
         contributions=from_own_simulation(result.contributions, data, simulations, windows),
     )
@@ -233,8 +285,8 @@ def beside_own_simulation(
 
 
 def _agrees(result: ModelDiagnosis, own: OwnSimulation, gap: Signal) -> bool:
-    """Whether a simulation contains all causes with the same numbers, and differs from the logs by no more than noise and the
-    discrepancy of a model.
+    """Whether a simulation contains all causes with the same numbers, and differs from the logs by
+    no more than noise and the discrepancy of a model.
 
     Parameters
     ----------
@@ -251,14 +303,19 @@ def _agrees(result: ModelDiagnosis, own: OwnSimulation, gap: Signal) -> bool:
         for cause in result.causes
         for name, number in cause.parameters.items()
     ]
-    alike = (other is not None and one.low <= other.high and other.low <= one.high for one, other in pairs)
+    alike = (
+        other is not None and one.low <= other.high and other.low <= one.high
+        for one, other in pairs
+    )
     return bool(small.all()) and all(alike)
 
 
 def fit_simulation(
     simulations: Sequence[Run], result: ModelDiagnosis, on_progress: Callable[[str], None]
 ) -> OwnSimulation:
-    """Fit an own simulation as if it were a set of logs, with the suspects of a diagnosis and the usual simplifications."""
+    """Fit an own simulation as if it were a set of logs, with the suspects of a diagnosis and
+    the usual simplifications.
+    """
     data = Fitted(simulations, result.data.rig, result.data.cycles)
     suspects: Suspects = {**result.suspects, **SIMPLIFICATIONS}
     found = search(RigProblem(data, suspects), lambda step: on_progress(f"your simulation: {step}"))
@@ -272,8 +329,11 @@ def fit_simulation(
     return OwnSimulation(tuple(simulations), forms, numbers)
 
 
-def model_forms(data: Fitted, suspects: Suspects, found: Found, places: Sequence[Place]) -> tuple[ModelForm, ...]:
-    """What a simulation has in another form than the rig's model, each at the place where it shows most, largest first.
+def model_forms(
+    data: Fitted, suspects: Suspects, found: Found, places: Sequence[Place]
+) -> tuple[ModelForm, ...]:
+    """What a simulation has in another form than the rig's model, each at the place where it shows
+    most, largest first.
 
     These are the effects of the fit, and stages in which the residual of the fit has a structure.
 
@@ -283,12 +343,18 @@ def model_forms(data: Fitted, suspects: Suspects, found: Found, places: Sequence
     """
     forms: list[ModelForm] = []
     for name, change in moved_by(data, suspects, found.best).items():
-        size, place = max(_changes(data, change, places), key=lambda one: one[0], default=(0.0, None))
+        size, place = max(
+            _changes(data, change, places), key=lambda one: one[0], default=(0.0, None)
+        )
         if place is not None and size >= data.rig.model.relevant_share and abs(place.z) >= SHOWS:
             forms.append(_form(suspects[name].stage, place, name))
     for alarm in ringing(Judged(data, suspects, found.best), OF_THE_RESIDUAL):
         if alarm.kind == "structure" and isinstance(alarm.about, Spot):
-            own = [p for p in places if (p.channel, p.phase) == (alarm.about.channel, alarm.about.phase)]
+            own = [
+                p
+                for p in places
+                if (p.channel, p.phase) == (alarm.about.channel, alarm.about.phase)
+            ]
             stage = STAGE_OF[alarm.about.channel]
             if own and stage not in {form.stage for form in forms}:
                 forms.append(_form(stage, max(own, key=lambda p: abs(p.z)), None))
@@ -300,7 +366,9 @@ def _form(stage: str, place: Place, likely: str | None) -> ModelForm:
 
 
 def _changes(data: Fitted, change: Signal, places: Sequence[Place]) -> list[tuple[float, Place]]:
-    """By which share of the maximum of its channel in the log a change of the blocks, (M, 5), moves each place. [1]"""
+    """By which share of the maximum of its channel in the log a change of the blocks, (M, 5),
+    moves each place. [1]
+    """
     by_place = {(p.log, p.channel, p.phase): p for p in places}
     top = np.array([np.max(np.abs(data.measured[rows]), axis=0) for rows in data.rows])
     return [

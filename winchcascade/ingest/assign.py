@@ -1,4 +1,6 @@
-"""Assign columns of a log to channels and units; each assumption becomes a finding, and nothing is guessed."""
+"""Assign columns of a log to channels and units; each assumption becomes a finding, and nothing
+is guessed.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,9 @@ _OF_SIMULATE = (*SIMULATED_HEADERS, LOAD_HEADER)
 
 
 class Match(msgspec.Struct, frozen=True):
-    """One channel found in a log: index of its header, and its unit; a time column may name none."""
+    """One channel found in a log: index of its header, and its unit; a time column may name
+    none.
+    """
 
     index: int
     unit: Unit | None
@@ -59,7 +63,8 @@ class Match(msgspec.Struct, frozen=True):
 
 
 class Assignment(msgspec.Struct, frozen=True):
-    """Which header is which channel; `time` is None for a log without a time column, `time_named` if it has a name.
+    """Which header is which channel; `time` is None for a log without a time column, `time_named`
+    if it has a name.
 
     `temperature` is the only column with a temperature of the machine that is no channel.
     """
@@ -81,39 +86,61 @@ def load_column(headers: Sequence[Header]) -> int | None:
 def gives_result(channels: Collection[str], rig: Rig) -> bool:
     """Whether channels show a motion or give a power, so that a log of them can be reduced."""
     own = any(name in channels for name in rig.channels)
-    return own or any(name in channels for name in MOTIONS) or any(all(c in channels for c in pair) for pair in POWERS)
+    return (
+        own
+        or any(name in channels for name in MOTIONS)
+        or any(all(c in channels for c in pair) for pair in POWERS)
+    )
 
 
 def of_machine(name: str) -> bool:
-    """Whether a name describes the winding or the housing of the machine, as that of a temperature must."""
+    """Whether a name describes the winding or the housing of the machine, as that of a
+    temperature must.
+    """
     folded = letters_of(name)
     return any(word in folded for word in column_names().warm_parts)
 
 
 def named_column(headers: Sequence[Header], name: str) -> int | None:
-    """Index of the column that a rig file names, with or without its unit; None where the log lacks it.
+    """Index of the column that a rig file names, with or without its unit; None where the log lacks
+    it.
 
     `LC-17 [kN]` also names a column `LC-17` whose unit kN is in another row.
     """
     read = [*map(read_header, headers)]
-    spelled: list[object] = [*(header.name.strip() for header in headers), *(one.name.strip() for one in read), *read]
+    spelled: list[object] = [
+        *(header.name.strip() for header in headers),
+        *(one.name.strip() for one in read),
+        *read,
+    ]
     named = (one for one in (name.strip(), read_header(Header(name))) if one in spelled)
     return next((spelled.index(one) % len(headers) for one in named), None)
 
 
 def has_columns(headers: Sequence[Header], rig: Rig) -> bool:
     """Whether a log has every column that a rig names, and the rig names some."""
-    each = [any(named_column(headers, name) is not None for name in one.names) for one in rig.columns.values()]
+    each = [
+        any(named_column(headers, name) is not None for name in one.names)
+        for one in rig.columns.values()
+    ]
     return bool(each) and all(each)
 
 
 def listed(names: Sequence[str], maximum: int = 12) -> str:
-    """Names of columns for a sentence: a limited number of them, none of them long, and none of them empty."""
-    return first_of([(n if len(n) <= 40 else n[:37] + "...") or "(no name)" for n in names], maximum) or "no columns"
+    """Names of columns for a sentence: a limited number of them, none of them long, and none of
+    them empty.
+    """
+    return (
+        first_of([(n if len(n) <= 40 else n[:37] + "...") or "(no name)" for n in names], maximum)
+        or "no columns"
+    )
 
 
-def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None = None) -> Assignment:
-    """Match the headers of a log to channels, by the rig file's [columns] first, then by the table of names.
+def assign(
+    headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None = None
+) -> Assignment:
+    """Match the headers of a log to channels, by the rig file's [columns] first, then by the table
+    of names.
 
     Of several columns for one channel none is read, and a finding names them.
 
@@ -123,13 +150,15 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
 
     Raises
     ------
-    LogError : a column of the rig file that the log does not have, a unit that does not fit, no columns that could give a
-        motion or a power, the columns of a built-in rig where no rig was named
+    LogError : a column of the rig file that the log does not have, a unit that does not fit, no
+        columns that could give a motion or a power, the columns of a built-in rig where no rig was
+        named
     """
     for name in BUILT_IN if rig.assumed else ():
         if has_columns(headers, built_in(name)):
             raise LogError(
-                f"{where}: has the columns of the built-in rig {name}, and no rig was named; add --rig {name}."
+                f"{where}: has the columns of the built-in rig {name}, and no rig was named; add "
+                f"--rig {name}."
             )
     findings: list[Finding] = []
     taken = ({} if clock is None else {"time": clock}) | _named_in_rig(headers, rig, where)
@@ -144,20 +173,27 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
     taken |= {channel: columns[0] for channel, columns in alike.items() if len(columns) == 1}
     if not gives_result(taken, rig):
         raise LogError(
-            f"{where}: {_without_motion(headers, several, taken)} Name the columns in a rig file under [columns]."
+            f"{where}: {_without_motion(headers, several, taken)} Name the columns in a rig file "
+            f"under [columns]."
         )
     matches = {
-        channel: Match(taken[channel], _unit(headers[taken[channel]], channel, rig, where, findings))
+        channel: Match(
+            taken[channel], _unit(headers[taken[channel]], channel, rig, where, findings)
+        )
         for channel in ("time", *rig.known_channels)
         if channel in taken
     }
-    warm = [k for k in unknown if (u := read_header(headers[k]).unit) and u.dimension == "temperature"]
+    warm = [
+        k for k in unknown if (u := read_header(headers[k]).unit) and u.dimension == "temperature"
+    ]
     warm = [k for k in warm if of_machine(names[k])]
     label = named_column(headers, rig.phases.column) if rig.phases.source == "column" else None
     left = tuple(names[k] for k in unknown if k != label and [k] != warm)
     if left:
         message = f"{len(left)} column{'s that are' if len(left) > 1 else ' that is'} no channel: {listed(left)}"
-        findings.append(Finding("unknown_column", message, "not read", count=len(left), columns=left))
+        findings.append(
+            Finding("unknown_column", message, "not read", count=len(left), columns=left)
+        )
     for channel in absent:
         column = rig.columns[channel]
         if channel in taken and isinstance(column.name, tuple):
@@ -166,9 +202,13 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
         message = f"no column {called}, which the rig names for {channel}; {near_columns(column.names, headers)}"
         done = f"{names[taken[channel]]!r} read instead" if channel in taken else "not read"
         findings.append(Finding("missing_channel", message, done, channel))
-    for channel in (c for c in rig.channels if c not in taken and c not in rig.sensors and c not in rig.columns):
+    for channel in (
+        c for c in rig.channels if c not in taken and c not in rig.sensors and c not in rig.columns
+    ):
         message = f"the log has no {channel} channel"
-        findings.append(Finding("missing_channel", message, "metrics that need it are null", channel))
+        findings.append(
+            Finding("missing_channel", message, "metrics that need it are null", channel)
+        )
     for channel, found in several.items():
         message = f"{len(found)} columns could be the {channel}: " + listed(
             [f"{names[k]!r} (column {k + 1})" for k in found]
@@ -183,15 +223,20 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
 def _named_in_rig(headers: Sequence[Header], rig: Rig, where: str) -> dict[str, int]:
     """Columns that the rig file names or numbers.
 
-    LogError for a velocity, a time or a number that the log lacks, and for a log that has several of the
-    names of one channel.
+    LogError for a velocity, a time or a number that the log lacks, and for a log that has several
+    of the names of one channel.
     """
     found = {}
     for channel, column in rig.columns.items():
-        named = {index: name for name in column.names if (index := named_column(headers, name)) is not None}
+        named = {
+            index: name
+            for name in column.names
+            if (index := named_column(headers, name)) is not None
+        }
         if len(named) > 1:
             raise LogError(
-                f"{where}: has {len(named)} columns that the rig {rig.name} names for {channel}: {listed([*named.values()])}; "
+                f"{where}: has {len(named)} columns that the rig {rig.name} names for {channel}: "
+                f"{listed([*named.values()])}; "
                 "expected one of them. State which one in columns of its [[run]] in campaign.toml."
             )
         index = next(iter(named), None) if column.number is None else column.number - 1
@@ -200,9 +245,14 @@ def _named_in_rig(headers: Sequence[Header], rig: Rig, where: str) -> dict[str, 
             found[channel] = index
         elif beyond or (channel in ("velocity", "time") and isinstance(column.name, str)):
             called = column.number if beyond else repr(column.name)
-            near = f"the log has {len(headers)} columns" if beyond else near_columns(column.names, headers)
+            near = (
+                f"the log has {len(headers)} columns"
+                if beyond
+                else near_columns(column.names, headers)
+            )
             raise LogError(
-                f"{where}: no column {called}, which the rig {rig.name} names for {channel}; {near}. Correct [columns] in the "
+                f"{where}: no column {called}, which the rig {rig.name} names for {channel}; "
+                f"{near}. Correct [columns] in the "
                 "rig file or choose the rig with --rig."
             )
     return found
@@ -213,7 +263,9 @@ def near_columns(stated: Sequence[str], headers: Sequence[Header]) -> str:
     names = [header.name.strip() for header in headers[:NEAR_COLUMNS_MAX]]
     near = []
     for name in stated:
-        near += get_close_matches(name, [other for other in names if len(other) <= 2 * len(name)], NEAR_MATCHES)
+        near += get_close_matches(
+            name, [other for other in names if len(other) <= 2 * len(name)], NEAR_MATCHES
+        )
     return f"near it: {', '.join(map(repr, near))}" if near else f"the log has {listed(names)}"
 
 
@@ -222,8 +274,8 @@ def _by_name(
 ) -> tuple[dict[str, list[int]], list[int]]:
     """The free columns by the channel that their names mean, and those that are no channel.
 
-    Of several time columns it is the first that names a unit of time, as a stamp may be coarser than the time elapsed; a column
-    of dates is the time where no other is.
+    Of several time columns it is the first that names a unit of time, as a stamp may be coarser
+    than the time elapsed; a column of dates is the time where no other is.
     """
     table = column_names()
     alike: dict[str, list[int]] = {}
@@ -240,21 +292,38 @@ def _by_name(
         elif channel is not None or not (nameless(header) or letters_of(bare) in table.counts):
             unknown.append(k)
     if "time" in alike:
-        alike["time"] = [next((k for k in alike["time"] if read_header(headers[k]).unit), alike["time"][0])]
+        alike["time"] = [
+            next((k for k in alike["time"] if read_header(headers[k]).unit), alike["time"][0])
+        ]
     elif dates and "time" not in taken:
         alike["time"] = dates[:1]
     return alike, unknown
 
 
-def _without_motion(headers: Sequence[Header], several: Mapping[str, list[int]], taken: Collection[str]) -> str:
-    """Sentence for a log that shows neither a motion nor a power: the columns that come near each channel it lacks."""
+def _without_motion(
+    headers: Sequence[Header], several: Mapping[str, list[int]], taken: Collection[str]
+) -> str:
+    """Sentence for a log that shows neither a motion nor a power: the columns that come near
+    each channel it lacks.
+    """
     needed = {*MOTIONS, *(channel for power in POWERS for channel in power)}
-    columns = [repr(headers[k].name.strip()) for channel, alike in several.items() if channel in needed for k in alike]
+    columns = [
+        repr(headers[k].name.strip())
+        for channel, alike in several.items()
+        if channel in needed
+        for k in alike
+    ]
     if columns:
         return f"several columns could be the motion or the power: {listed(columns)}; expected one for each channel."
     lack = "no column for a motion (line velocity, displacement or speed of rotation) and none for a power"
-    near = {channel: near_channel(channel, headers) for channel in DIMENSION if channel not in ("time", *taken)}
-    found = "; ".join(f"{channel}: {', '.join(map(repr, names))}" for channel, names in near.items() if names)
+    near = {
+        channel: near_channel(channel, headers)
+        for channel in DIMENSION
+        if channel not in ("time", *taken)
+    }
+    found = "; ".join(
+        f"{channel}: {', '.join(map(repr, names))}" for channel, names in near.items() if names
+    )
     if found:
         return f"{lack}; columns that come near: {found}."
     named = [header for header in headers if not nameless(header)] or headers
@@ -263,22 +332,39 @@ def _without_motion(headers: Sequence[Header], several: Mapping[str, list[int]],
 
 
 def near_channel(channel: str, headers: Sequence[Header]) -> list[str]:
-    """Columns that hold a name of the channel among other words, then those whose letters resemble one."""
-    long = {name for name in column_names().channels[channel].letters if len(name) >= NEAR_NAME_LENGTH}
+    """Columns that hold a name of the channel among other words, then those whose letters
+    resemble one.
+    """
+    long = {
+        name for name in column_names().channels[channel].letters if len(name) >= NEAR_NAME_LENGTH
+    }
     read = {header.name.strip(): read_header(header) for header in headers[:NEAR_COLUMNS_MAX]}
-    fitting = {n: r.name for n, r in read.items() if r.unit is None or read_as(r.unit, DIMENSION[channel])}
-    held = [n for n, bare in fitting.items() if any(letters_of(word) in long for word in words_of(bare))]
-    alike = [n for n, bare in fitting.items() if get_close_matches(letters_of(bare), long, 1, NEAR_SHARE)]
+    fitting = {
+        n: r.name for n, r in read.items() if r.unit is None or read_as(r.unit, DIMENSION[channel])
+    }
+    held = [
+        n for n, bare in fitting.items() if any(letters_of(word) in long for word in words_of(bare))
+    ]
+    alike = [
+        n for n, bare in fitting.items() if get_close_matches(letters_of(bare), long, 1, NEAR_SHARE)
+    ]
     return list(dict.fromkeys(held + alike))[:NEAR_MATCHES]
 
 
-def _unit(header: Header, channel: str, rig: Rig, where: str, findings: list[Finding]) -> Unit | None:
-    """Unit of the column of a channel: the log's own, unless the rig file overrides it or it measures something else.
+def _unit(
+    header: Header, channel: str, rig: Rig, where: str, findings: list[Finding]
+) -> Unit | None:
+    """Unit of the column of a channel: the log's own, unless the rig file overrides it or it
+    measures something else.
 
-    Without either it is the usual one of the channel, with a finding, and None for the time. A speed of rotation that is
-    measured at the generator is divided by the gear ratio.
+    Without either it is the usual one of the channel, with a finding, and None for the time. A
+    speed of rotation that is measured at the generator is divided by the gear ratio.
     """
-    column, known, name = rig.columns.get(channel), rig.known_channels.get(channel), header.name.strip()
+    column, known, name = (
+        rig.columns.get(channel),
+        rig.known_channels.get(channel),
+        header.name.strip(),
+    )
     dimension = "time" if known is None else known.dimension
     read = read_header(header)
     own = read_as(read.unit, dimension) or read.unit
@@ -286,20 +372,26 @@ def _unit(header: Header, channel: str, rig: Rig, where: str, findings: list[Fin
     if column is None or column.unit is None:
         if own is not None and not fits:
             raise LogError(
-                f"{where}: column {name!r} is named for {channel} but its unit is one of {own.dimension}; expected one of "
+                f"{where}: column {name!r} is named for {channel} but its unit is one of "
+                f"{own.dimension}; expected one of "
                 f"{dimension}. Correct the log or [columns] in a rig file."
             )
     else:
         named = read_as(find_unit(column.unit), dimension)
         if named is None:
             raise LogError(
-                f"{where}: the rig {rig.name} gives {channel} the unit {column.unit!r}, which is none of {dimension}; correct "
+                f"{where}: the rig {rig.name} gives {channel} the unit {column.unit!r}, which is "
+                f"none of {dimension}; correct "
                 "[columns] in the rig file."
             )
         override = own is None or column.override or not fits
         if own is not None and (own.factor, own.offset) != (named.factor, named.offset):
             message = f"the header {name!r} and the rig {rig.name}, which gives {channel} in {column.unit}, contradict"
-            done = "the rig counts" if override else "the header counts; override = true takes the unit of the rig"
+            done = (
+                "the rig counts"
+                if override
+                else "the header counts; override = true takes the unit of the rig"
+            )
             findings.append(Finding("unit_conflict", message, done, channel))
         unit = named if override else own
     if unit is None and known is not None:
@@ -310,7 +402,11 @@ def _unit(header: Header, channel: str, rig: Rig, where: str, findings: list[Fin
         unit = read_as(find_unit(known.unit), dimension)
     table, words = column_names(), words_of(name) | {letters_of(read.name)}
     at_machine = "generator" if words & table.at_machine and not words & table.at_drum else "shaft"
-    if channel != "speed" or unit is None or ((column and column.side) or at_machine) != "generator":
+    if (
+        channel != "speed"
+        or unit is None
+        or ((column and column.side) or at_machine) != "generator"
+    ):
         return unit
     gear = rig.drivetrain.gear_ratio
     if gear is None:

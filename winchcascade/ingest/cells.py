@@ -1,4 +1,6 @@
-"""Cells of text tables: where a row is cut into cells, which texts are numbers or neither, and what they stand for."""
+"""Cells of text tables: where a row is cut into cells, which texts are numbers or neither, and
+what they stand for.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ NOT_NUMBERS = (
 """Cells that loggers write where they have no number."""
 
 CELL_LENGTH_MAX = 400
-"""No number has more characters: the largest float has 309 digits. A search in longer ones would take long."""
+"""No number has more characters: the largest float has 309 digits. A search in longer ones would
+take long.
+"""
 
 _NUMBER = re.compile(
     r"""\s*["']?[-+\u2212\u2013]?(?:\d{1,3}(?:[.,'’ \xa0\u202f]\d{3})+(?:[.,]\d*)?|\d+[.,]?\d*|[.,]\d+)
@@ -39,14 +43,20 @@ _MINUS = str.maketrans("\u2212\u2013\u2010\u2011\uff0d\ufe63", "------")
 
 
 def split_row(line: str, delimiter: str) -> list[str]:
-    """Cut one row into cells, quotes taken off; a blank as delimiter stands for any run of blanks."""
+    """Cut one row into cells, quotes taken off; a blank as delimiter stands for any run of
+    blanks.
+    """
     line = line.rstrip("\r\n")
     if '"' in line and line.count('"') % 2 == 0:
         with suppress(csv.Error, StopIteration):
             row = next(csv.reader([line.strip(" ")], delimiter=delimiter, skipinitialspace=True))
             return [cell.strip() for cell in row]
     line = line.replace('"', "")
-    return re.split(r"[ \t]+", line.strip()) if delimiter == " " else [cell.strip() for cell in line.split(delimiter)]
+    return (
+        re.split(r"[ \t]+", line.strip())
+        if delimiter == " "
+        else [cell.strip() for cell in line.split(delimiter)]
+    )
 
 
 def looks_like_a_number(cell: str) -> bool:
@@ -64,7 +74,8 @@ def decimal_sign(rows: Sequence[Sequence[str]]) -> str:
     commas = sum("," in cell and looks_like_a_number(cell) for row in rows for cell in row)
     return (
         ","
-        if commas > sum("." in cell and looks_like_a_number(cell) for row in rows for cell in row if commas)
+        if commas
+        > sum("." in cell and looks_like_a_number(cell) for row in rows for cell in row if commas)
         else "."
     )
 
@@ -104,7 +115,9 @@ def is_cut(cell: str, usual: Sequence[str]) -> bool:
     if cell in NOT_NUMBERS and cell in usual:
         return False
     fewest = map(min, zip(*map(_digits, like), strict=True))
-    return not looks_like_a_number(cell) or any(a < b for a, b in zip(_digits(cell), fewest, strict=True))
+    return not looks_like_a_number(cell) or any(
+        a < b for a, b in zip(_digits(cell), fewest, strict=True)
+    )
 
 
 def _digits(cell: str) -> tuple[int, int]:

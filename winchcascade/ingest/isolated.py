@@ -1,4 +1,6 @@
-"""Read workbooks and MATLAB files in a process of its own: a damaged one can make its reader crash, or take all memory."""
+"""Read workbooks and MATLAB files in a process of its own: a damaged one can make its reader
+crash, or take all memory.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,13 @@ from typing import Any
 import pyarrow as pa
 
 from winchcascade.core.errors import LogError
-from winchcascade.ingest.limits import MB, MEMORY_SETTING, SECONDS_SETTING, limits_of, require_numbers
+from winchcascade.ingest.limits import (
+    MB,
+    MEMORY_SETTING,
+    SECONDS_SETTING,
+    limits_of,
+    require_numbers,
+)
 from winchcascade.ingest.source import LogSource, source_of
 
 _START = (
@@ -24,7 +32,9 @@ _START = (
     "from winchcascade.ingest.isolated import main; main(**json.loads(sys.argv[2]))"
 )
 _REJECTED, _STARVED = 76, 77
-"""Exit codes of a process that rejects the file by a sentence, and of one that has met the limit of memory."""
+"""Exit codes of a process that rejects the file by a sentence, and of one that has met the limit
+of memory.
+"""
 
 _OUT_OF_MEMORY = ("memory allocation of", "bad_alloc", "MemoryError")
 """What compiled readers write as their last words when memory runs out."""
@@ -43,10 +53,17 @@ def read_isolated(reader: str, path: Path, **options: str | bool | None) -> LogS
     LogError : the file cannot be used, or the reader met a limit or crashed
     """
     memory, seconds = limits_of(path)
-    order = {"reader": reader, "path": str(path), "options": options, "memory": memory, "seconds": seconds}
+    order = {
+        "reader": reader,
+        "path": str(path),
+        "options": options,
+        "memory": memory,
+        "seconds": seconds,
+    }
     try:
         done = subprocess.run(
-            # Without the interpreter's own settings, which a log has no business with; the path of modules is sent.
+            # Without the interpreter's own settings, which a log has no business with; the path of
+            # modules is sent.
             [sys.executable, "-I", "-c", _START, json.dumps(sys.path), json.dumps(order)],
             stdin=subprocess.DEVNULL,
             capture_output=True,
@@ -55,16 +72,27 @@ def read_isolated(reader: str, path: Path, **options: str | bool | None) -> LogS
             env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "RUST_BACKTRACE": "0"},
         )
     except subprocess.TimeoutExpired:
-        raise LogError(_beyond(path, f"was not read within {seconds:g} s", SECONDS_SETTING)) from None
+        raise LogError(
+            _beyond(path, f"was not read within {seconds:g} s", SECONDS_SETTING)
+        ) from None
     words, code = done.stderr.decode("utf-8", "replace"), done.returncode
     if code == _REJECTED:
         raise LogError(done.stdout.decode())
-    if code in (_STARVED, -getattr(signal, "SIGKILL", 0)) or (code and any(word in words for word in _OUT_OF_MEMORY)):
-        raise LogError(_beyond(path, f"takes more than {memory / MB:.0f} MB of memory to read", MEMORY_SETTING))
-    if code:
-        why = signal.Signals(-code).name if code < 0 else (words.strip().splitlines() or [f"exit code {code}"])[-1]
+    if code in (_STARVED, -getattr(signal, "SIGKILL", 0)) or (
+        code and any(word in words for word in _OUT_OF_MEMORY)
+    ):
         raise LogError(
-            f"{path.name}: the reader crashed ({why}); a damaged file is the usual cause; copy the file again, or export the "
+            _beyond(path, f"takes more than {memory / MB:.0f} MB of memory to read", MEMORY_SETTING)
+        )
+    if code:
+        why = (
+            signal.Signals(-code).name
+            if code < 0
+            else (words.strip().splitlines() or [f"exit code {code}"])[-1]
+        )
+        raise LogError(
+            f"{path.name}: the reader crashed ({why}); a damaged file is the usual cause; copy "
+            f"the file again, or export the "
             "log as CSV."
         )
     return source_of(pa.ipc.open_stream(done.stdout).read_all())
@@ -73,7 +101,8 @@ def read_isolated(reader: str, path: Path, **options: str | bool | None) -> LogS
 def _beyond(path: Path, what: str, setting: str) -> str:
     """Report a limit that was met, and the variable that raises it."""
     return (
-        f"{path.name}: {what}; less was expected of a file of {path.stat().st_size} bytes; delete what is not the log, export "
+        f"{path.name}: {what}; less was expected of a file of {path.stat().st_size} bytes; delete "
+        f"what is not the log, export "
         f"it as CSV, or allow more with the environment variable {setting}."
     )
 
@@ -83,7 +112,11 @@ def main(*, reader: str, path: str, options: dict[str, Any], memory: int, second
     if sys.platform != "win32":
         import resource
 
-        limits = {resource.RLIMIT_CORE: 0, resource.RLIMIT_CPU: math.ceil(seconds), resource.RLIMIT_DATA: memory}
+        limits = {
+            resource.RLIMIT_CORE: 0,
+            resource.RLIMIT_CPU: math.ceil(seconds),
+            resource.RLIMIT_DATA: memory,
+        }
         for which, limit in limits.items():
             with suppress(ValueError, OSError):  # a system that cannot limit this
                 resource.setrlimit(which, (limit, resource.getrlimit(which)[1]))

@@ -1,4 +1,6 @@
-"""Find the table among rows of cells, of a text or a sheet: its first row of data, its names and units, and what is above."""
+"""Find the table among rows of cells, of a text or a sheet: its first row of data, its names and
+units, and what is above.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ NEAR_ROWS = 5
 """Rows after the first one of data that must resemble it, but for two."""
 
 DATA_SHARE = 0.6
-"""Share of the filled cells of a row of data that are numbers, stamps or marks for none, at least."""
+"""Share of the filled cells of a row of data that are numbers, stamps or marks for none, at
+least.
+"""
 
 _DATE = re.compile(r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}$")
 _PROPERTY = re.compile(r"\s*[#%]?\s*\"?([^:=;,\t|\"]{1,60}?)\"?\s*[:=;,\t|]\s*([^;\t|]*)")
@@ -41,7 +45,8 @@ def find_data(row: Callable[[int], Row], count: int) -> tuple[int, list[list[str
 
     Returns
     -------
-    its index and the cells of each column in the first rows of data, as far as rows have it; None without such a row
+    its index and the cells of each column in the first rows of data, as far as rows have it; None
+    without such a row
     """
     for k in range(min(count - 1, PREAMBLE_ROWS_MAX)):
         if not _is_data(row(k)) or channels_named(row(k)) > 1:
@@ -49,15 +54,21 @@ def find_data(row: Callable[[int], Row], count: int) -> tuple[int, list[list[str
         after = [cells for j in range(k + 1, min(k + 1 + NEAR_ROWS, count)) if any(cells := row(j))]
         data = [cells for cells in after if _is_data(cells)]
         width = _usual_width(data)
-        alike = sum(abs(len(cells) - width) <= 1 for cells in data) if len(row(k)) >= width - 1 else 0
+        alike = (
+            sum(abs(len(cells) - width) <= 1 for cells in data) if len(row(k)) >= width - 1 else 0
+        )
         named = any(channels_named(cells) > 1 for cells in after if cells not in data)
         if alike >= max(1, len(after) - 2) and not named:
-            return k, columns_of([cells for j in range(k, min(k + SAMPLE_ROWS, count)) if _is_data(cells := row(j))])
+            return k, columns_of(
+                [cells for j in range(k, min(k + SAMPLE_ROWS, count)) if _is_data(cells := row(j))]
+            )
     return None
 
 
 def _is_data(row: Row) -> bool:
-    """Whether most filled cells of a row, two at least, are numbers, stamps or marks for none, and one is a number."""
+    """Whether most filled cells of a row, two at least, are numbers, stamps or marks for none,
+    and one is a number.
+    """
     full = [cell for cell in row if cell]
     values = sum(map(is_value, full)) if len(full) >= 2 else 0
     return values > 0 and values >= DATA_SHARE * len(full) and any(map(looks_like_a_number, full))
@@ -76,14 +87,19 @@ def columns_of(rows: Sequence[Row]) -> list[list[str]]:
 
 def channels_named(row: Row) -> int:
     """Count the different channels that a row names."""
-    return len({recognise(Header(cell)) for cell in row if cell and not looks_like_a_number(cell)} - {None})
+    return len(
+        {recognise(Header(cell)) for cell in row if cell and not looks_like_a_number(cell)} - {None}
+    )
 
 
-def headers_above(above: Sequence[Row], columns: Sequence[Row], where: str, *, numbered: bool) -> list[Header]:
-    """Find names and units above rows of data: the row that names most channels, and the row that is all units.
+def headers_above(
+    above: Sequence[Row], columns: Sequence[Row], where: str, *, numbered: bool
+) -> list[Header]:
+    """Find names and units above rows of data: the row that names most channels, and the row that
+    is all units.
 
-    Names beyond the last column of the data come last. A column that only counts rows, or holds nothing below an empty
-    cell, has no name.
+    Names beyond the last column of the data come last. A column that only counts rows, or holds
+    nothing below an empty cell, has no name.
 
     Parameters
     ----------
@@ -99,23 +115,37 @@ def headers_above(above: Sequence[Row], columns: Sequence[Row], where: str, *, n
     filled = max(k + 1 for k, column in enumerate(columns) if any(column))
     near = [row for row in above[: -HEADING_ROWS - 1 : -1] if sum(map(bool, row)) >= 2]
     fitting = [row for row in near if len(row) >= filled - 1]
-    known = [sum(find_unit(text) is not None for cell in row if (text := _bare(cell))) for row in fitting]
+    known = [
+        sum(find_unit(text) is not None for cell in row if (text := _bare(cell))) for row in fitting
+    ]
     named = [channels_named(row) for row in fitting]
     # Single letters are names as well as units: `t,F,V` are names where no other row has them.
     order = sorted(range(len(fitting)), key=lambda k: (known[k] - named[k], -named[k], k))
-    names = fitting[order[0]] if order and (named[order[0]] >= known[order[0]] or known[order[0]] < 2) else []
+    names = (
+        fitting[order[0]]
+        if order and (named[order[0]] >= known[order[0]] or known[order[0]] < 2)
+        else []
+    )
     half = [0.5 * sum(map(bool, map(_bare, row))) for row in fitting]
-    units = next((row for k, row in enumerate(fitting) if row is not names and known[k] >= max(2, half[k])), [])
+    units = next(
+        (row for k, row in enumerate(fitting) if row is not names and known[k] >= max(2, half[k])),
+        [],
+    )
     if not names and numbered:
         names = [f"column {k + 1}" for k in range(width)]
     counts = [_counts_rows(column) for column in columns]
     if names and len(names) < filled and (counts[0] or any(map(_DATE.match, columns[0]))):
         # Rows begin with a number or a date that has no name.
-        names, units = ["" if counts[0] else "Date", *names], ["", *units] if len(units) < filled else units
+        names, units = (
+            ["" if counts[0] else "Date", *names],
+            ["", *units] if len(units) < filled else units,
+        )
     if not names or any(recognise(Header(name)) for name in names[width:] if name):
         raise LogError(_no_names(near if not names else [names], filled, where))
     headers = []
-    for k, (name, unit, column) in enumerate(zip_longest(names, units[:width], columns, fillvalue="")):
+    for k, (name, unit, column) in enumerate(
+        zip_longest(names, units[:width], columns, fillvalue="")
+    ):
         if name and not any(column) and k < width and recognise(Header(name)) == "time":
             name = ""
         elif not name and any(map(looks_like_a_number, column)) and not counts[k]:
@@ -131,7 +161,9 @@ def _bare(cell: str) -> str:
 
 def _counts_rows(column: Row) -> bool:
     """Whether the cells of a column number the rows."""
-    return all(c.isdecimal() and len(c) < 16 for c in column) and all(int(b) == int(a) + 1 for a, b in pairwise(column))
+    return all(c.isdecimal() and len(c) < 16 for c in column) and all(
+        int(b) == int(a) + 1 for a, b in pairwise(column)
+    )
 
 
 def _no_names(near: Sequence[Row], filled: int, where: str) -> str:
@@ -139,19 +171,24 @@ def _no_names(near: Sequence[Row], filled: int, where: str) -> str:
     row = max(near, key=channels_named, default=[])
     if len(row) not in (0, filled) and channels_named(row) > 1:
         return (
-            f"{where}: {len(row)} column names above rows of {filled} cells; expected one name for each column. Check for a "
+            f"{where}: {len(row)} column names above rows of {filled} cells; expected one name "
+            f"for each column. Check for a "
             f"delimiter inside of names, or for decimal commas in a file that commas delimit."
         )
     units = f" (they hold {', '.join(row[:8])})" if row else ""
     return (
-        f"{where}: rows of {filled} numbers but no column names above them{units}; expected a first row such as "
-        f"'Time (s),Displacement (m),Velocity (m/s),Force (N)'. Add one, or number the columns in a rig file: [columns] "
+        f"{where}: rows of {filled} numbers but no column names above them{units}; expected a "
+        f"first row such as "
+        f"'Time (s),Displacement (m),Velocity (m/s),Force (N)'. Add one, or number the columns in "
+        f"a rig file: [columns] "
         f'velocity = {{ number = 3, unit = "m/s" }}.'
     )
 
 
 def properties_of(above: Sequence[str]) -> dict[str, str]:
-    """Read the lines above a table that have the form `key: value`, `key = value` or `key<delimiter>value`."""
+    """Read the lines above a table that have the form `key: value`, `key = value` or
+    `key<delimiter>value`.
+    """
     found: dict[str, str] = {}
     for parts in filter(None, map(_PROPERTY.match, above)):
         value = parts[2].strip(' \r\n,"')
@@ -187,7 +224,10 @@ def waveform(properties: Mapping[str, str]) -> tuple[float | None, float]:
         amount = _AMOUNT.match(value)
         if amount is None:
             continue
-        number, unit = float(amount[1].replace(",", ".")), bracket.strip(" )]）") or amount[2].strip()
+        number, unit = (
+            float(amount[1].replace(",", ".")),
+            bracket.strip(" )]）") or amount[2].strip(),
+        )
         usual = "s" if spellings & _STEP_KEYS else "Hz" if spellings & _RATE_KEYS else None
         if usual is not None and number > 0:
             step = sampling_interval(number, unit or usual) or step
@@ -197,8 +237,8 @@ def waveform(properties: Mapping[str, str]) -> tuple[float | None, float]:
 
 
 def sampling_interval(number: float, unit: str) -> float | None:
-    """Interval between samples of a period or a rate in any unit of time or frequency; None for a text
-    that is neither. [s]
+    """Interval between samples of a period or a rate in any unit of time or frequency; None for a
+    text that is neither. [s]
 
     A preamble may call either of them a rate, so that the unit decides.
 

@@ -1,4 +1,6 @@
-"""What a log shows before a rig file exists: columns with units and ranges, clock, and what its currents show of the load."""
+"""What a log shows before a rig file exists: columns with units and ranges, clock, and what its
+currents show of the load.
+"""
 
 from __future__ import annotations
 
@@ -35,8 +37,8 @@ ANY_RATE = 1.0
 
 
 class ColumnFacts(msgspec.Struct, frozen=True):
-    """One column: its header as the file has it, its unit and the channel that its name means, None for none of them, and the
-    range of its values in the unit of the file.
+    """One column: its header as the file has it, its unit and the channel that its name means, None
+    for none of them, and the range of its values in the unit of the file.
     """
 
     header: Header
@@ -66,7 +68,8 @@ class LogFacts(msgspec.Struct, frozen=True):
     Parameters
     ----------
     channels, without_unit : that were read, and those of them whose columns name no unit
-    started : when it began, of a local time as if it were UTC, since 1970; None where its stamps have no date [s]
+    started : when it began, of a local time as if it were UTC, since 1970; None where its stamps
+        have no date [s]
     load, load_source : load that the file states of itself [ohm], and where
     top_current : top of the current, None without one [A]
     ratio : Vdc over Idc while the current flows, None without both [ohm]
@@ -108,7 +111,9 @@ def log_facts(path: Path, rig: Rig) -> LogFacts:
     columns = tuple(map(_column, headers, values))
     if not any(np.isfinite(x).sum() >= 1 for x in values) or max(map(len, values)) < MIN_ROWS:
         raise LogError(f"{path.name}: has no table of at least {MIN_ROWS} rows of numbers.")
-    timed = source.time_step is not None or any(c.channel == "time" or nameless(c.header) for c in columns)
+    timed = source.time_step is not None or any(
+        c.channel == "time" or nameless(c.header) for c in columns
+    )
     fault = ""
     try:
         run = read_by(path, LogSettings(rig))
@@ -123,7 +128,9 @@ def log_facts(path: Path, rig: Rig) -> LogFacts:
         columns,
         fault,
         channels=tuple(run.channels),
-        without_unit=tuple(f.channel for f in run.findings if f.kind == "unit_assumed" and f.channel),
+        without_unit=tuple(
+            f.channel for f in run.findings if f.kind == "unit_assumed" and f.channel
+        ),
         started=run.started,
         load=run.load,
         load_source=run.load_source,
@@ -144,7 +151,9 @@ def _column(header: Header, values: Signal) -> ColumnFacts:
 
 def _top(run: Run, channel: str) -> float | None:
     """Top of the size of a channel, in its SI unit."""
-    return float(np.quantile(np.abs(run.channels[channel]), TOP)) if channel in run.channels else None
+    return (
+        float(np.quantile(np.abs(run.channels[channel]), TOP)) if channel in run.channels else None
+    )
 
 
 def _ratio(run: Run, over: str, under: str) -> float | None:

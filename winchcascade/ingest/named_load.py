@@ -1,4 +1,6 @@
-"""The load that the names of logs state: a number beside a word for a resistance, or the only number that varies."""
+"""The load that the names of logs state: a number beside a word for a resistance, or the only
+number that varies.
+"""
 
 from __future__ import annotations
 
@@ -18,13 +20,19 @@ _OPEN_CIRCUIT = re.compile(
 _NUMBER = r"(?P<number>\d+(?:[.,pr]\d+)?)"
 _PREFIX = {"m": 1e-3, "k": 1e3, "": 1.0}
 _BY_UNIT = re.compile(rf"(?<![\d.,]){_NUMBER}[\W_]*(?P<prefix>[km]?)(?:ohms?|ω)(?![^\W\d_])")
-_BY_SYMBOL = re.compile(rf"(?<![^\W\d_])(?:rl?|r[\W_]?load|resist(?:ance|or)|widerstand|ohm)[\W_]*{_NUMBER}(?![^\W_])")
-_BY_WORD = re.compile(rf"(?<![^\W\d_])(?:load|last|charge|carga|carico|belasting)[\W_]*{_NUMBER}(?![^\W_])")
+_BY_SYMBOL = re.compile(
+    rf"(?<![^\W\d_])(?:rl?|r[\W_]?load|resist(?:ance|or)|widerstand|ohm)[\W_]*{_NUMBER}(?![^\W_])"
+)
+_BY_WORD = re.compile(
+    rf"(?<![^\W\d_])(?:load|last|charge|carga|carico|belasting)[\W_]*{_NUMBER}(?![^\W_])"
+)
 _ANY = re.compile(_NUMBER)
 
 
 class NamedLoad(msgspec.Struct, frozen=True):
-    """Load that a name states, inf for an open circuit [ohm], and how the name states it; `certain` with a unit or a symbol."""
+    """Load that a name states, inf for an open circuit [ohm], and how the name states it;
+    `certain` with a unit or a symbol.
+    """
 
     ohm: float
     how: str
@@ -34,13 +42,16 @@ class NamedLoad(msgspec.Struct, frozen=True):
 def named_loads(names: Sequence[str]) -> dict[str, NamedLoad]:
     """Loads by the names of logs, without those whose names state none.
 
-    The only number that varies between names that are alike otherwise may be the load; so may a number behind a word such as
-    `load`, which may be a share or the number of a test, and R1, R2, R3 may number the runs. None of these is certain.
+    The only number that varies between names that are alike otherwise may be the load; so may a
+    number behind a word such as `load`, which may be a share or the number of a test, and R1, R2,
+    R3 may number the runs. None of these is certain.
 
     >>> [one.ohm for one in named_loads(["R=4,5 Ohm.csv", "run03_R018.csv", "4p5_ohm.csv", "Leerlauf.csv"]).values()]
     [4.5, 18.0, 4.5, inf]
     """
-    folded = {name: unicodedata.normalize("NFKC", name).casefold().rsplit(".", 1)[0] for name in names}
+    folded = {
+        name: unicodedata.normalize("NFKC", name).casefold().rsplit(".", 1)[0] for name in names
+    }
     found: dict[str, NamedLoad] = {}
     for name, text in folded.items():
         stated = _stated(text)
@@ -48,7 +59,10 @@ def named_loads(names: Sequence[str]) -> dict[str, NamedLoad]:
             found[name] = stated
     symbols = sorted(one.ohm for one in found.values() if one.how == "symbol")
     if len(symbols) > 1 and symbols == [float(k) for k in range(1, len(symbols) + 1)]:
-        found = {name: msgspec.structs.replace(one, certain=one.how != "symbol") for name, one in found.items()}
+        found = {
+            name: msgspec.structs.replace(one, certain=one.how != "symbol")
+            for name, one in found.items()
+        }
     return found | _varying({name: text for name, text in folded.items() if name not in found})
 
 
@@ -72,7 +86,9 @@ def _varying(texts: Mapping[str, str]) -> dict[str, NamedLoad]:
         alike[_ANY.sub("#", text)].append(name)
     found: dict[str, NamedLoad] = {}
     for group in alike.values():
-        numbers = [[_value(match["number"]) for match in _ANY.finditer(texts[name])] for name in group]
+        numbers = [
+            [_value(match["number"]) for match in _ANY.finditer(texts[name])] for name in group
+        ]
         varying = [k for k, column in enumerate(zip(*numbers, strict=True)) if len(set(column)) > 1]
         if len(varying) == 1:
             found |= {

@@ -23,14 +23,18 @@ _READERS = {
     b"MATLAB ": "mat",
     b"\x89HDF": "mat",
 }
-"""Readers by first bytes: a module `formats.NAME` with a function `open_NAME`, or `read_NAME` where it is isolated."""
+"""Readers by first bytes: a module `formats.NAME` with a function `open_NAME`, or `read_NAME`
+where it is isolated.
+"""
 
 _ISOLATED = {"excel", "mat"}
 """Readers that run in a process of their own."""
 
 _SEVERAL_TABLES = {"excel", "mat", "tdms"}
 _NAMELESS = {"excel", "text"}
-"""Readers of files that may hold several tables, and of columns without names where the rig file numbers them."""
+"""Readers of files that may hold several tables, and of columns without names where the rig file
+numbers them.
+"""
 
 _NETCDF = ("a NetCDF file", "by `xarray.open_dataset(...).to_dataframe().to_csv(...)`")
 _FEATHER = ("a Feather file", "by `pandas.read_feather(...).to_parquet(...)`")
@@ -65,7 +69,8 @@ _WORKBOOK = re.compile(
 
 
 def open_log(path: Path, table: str | None = None, *, numbered: bool = False) -> LogSource:
-    """Open a log by its first bytes, whatever its name ends in; each reader is imported only when it is needed.
+    """Open a log by its first bytes, whatever its name ends in; each reader is imported only when
+    it is needed.
 
     Parameters
     ----------
@@ -93,14 +98,19 @@ def open_log(path: Path, table: str | None = None, *, numbered: bool = False) ->
 
 
 def _open_archive(path: Path, table: str | None, *, numbered: bool) -> LogSource:
-    """Open the log in an archive, which stays unpacked in a temporary folder until the source is closed."""
+    """Open the log in an archive, which stays unpacked in a temporary folder until the source is
+    closed.
+    """
     from winchcascade.ingest.formats.archive import unpack
 
     with ExitStack() as opened:
         log, inner = unpack(path, table, opened.enter_context(scratch_folder()))
         try:
             if reader_of(log) == "archive":
-                raise LogError(f"{log.name}: is an archive within an archive; expected one log; unpack the inner one.")
+                raise LogError(
+                    f"{log.name}: is an archive within an archive; expected one log; unpack the "
+                    f"inner one."
+                )
             source = open_log(log, inner, numbered=numbered)
         except LogError as fault:
             raise LogError(f"{path.name}: {fault}") from None
@@ -118,13 +128,18 @@ def reader_of(path: Path) -> str:
         with path.open("rb") as file:
             head = file.read(4096)
     except OSError as fault:
-        raise LogError(f"{path.name}: cannot be read ({fault.strerror}); check its permissions.") from None
+        raise LogError(
+            f"{path.name}: cannot be read ({fault.strerror}); check its permissions."
+        ) from None
     if not head:
-        raise LogError(f"{path.name}: the file is empty; expected a log with column names and rows of numbers.")
+        raise LogError(
+            f"{path.name}: the file is empty; expected a log with column names and rows of numbers."
+        )
     for magic, (what, export) in _UNREADABLE.items():
         if head.startswith(magic):
             raise LogError(
-                f"{path.name}: is {what}, not a log; expected CSV, TDMS, MATLAB, Parquet or Excel; export the log {export}."
+                f"{path.name}: is {what}, not a log; expected CSV, TDMS, MATLAB, Parquet or "
+                f"Excel; export the log {export}."
             )
     if head.startswith((b"PK\x03\x04", b"PK\x05\x06")):  # also an empty one
         return "excel" if _WORKBOOK.match(head, _ZIP_NAME) else "archive"

@@ -20,7 +20,9 @@ MAX_VALUES = 8
 """Values of a column that a message lists."""
 
 NEARLY = 1.0 - 1e-9
-"""End of the second of a row: stamps rise, and means over the second are the values of the row. [s]"""
+"""End of the second of a row: stamps rise, and means over the second are the values of the row.
+[s]
+"""
 
 
 def label_column(headers: Sequence[Header], rule: PhaseRule, where: str) -> int:
@@ -29,7 +31,8 @@ def label_column(headers: Sequence[Header], rule: PhaseRule, where: str) -> int:
     if index is None:
         near = near_columns([rule.column], headers)
         raise LogError(
-            f"{where}: no column {rule.column!r}, which [phases] of the rig names; {near}. Correct it in the rig file."
+            f"{where}: no column {rule.column!r}, which [phases] of the rig names; {near}. "
+            f"Correct it in the rig file."
         )
     return index
 
@@ -44,20 +47,27 @@ def phase_labels(table: LogTable, column: int, rule: PhaseRule, where: str) -> S
     LogError : the column holds neither numbers nor texts; none of its values is one of payout
     """
     numbers = table.values[column]
-    values = table.texts.get(column) or ([f"{x:g}" for x in numbers.tolist()] if np.isfinite(numbers).any() else [])
+    values = table.texts.get(column) or (
+        [f"{x:g}" for x in numbers.tolist()] if np.isfinite(numbers).any() else []
+    )
     if not any(text.strip() for text in values):
         raise LogError(
-            f"{where}: the column {rule.column!r} holds neither numbers nor texts; expected a label in each row. Correct "
+            f"{where}: the column {rule.column!r} holds neither numbers nor texts; expected a "
+            f"label in each row. Correct "
             "column under [phases] of the rig file."
         )
-    payout, haul_in = ({_plain(str(value)) for value in values} for values in (rule.payout, rule.haul_in))
+    payout, haul_in = (
+        {_plain(str(value)) for value in values} for values in (rule.payout, rule.haul_in)
+    )
     found = {
-        value: 1.0 if _plain(value) in payout else -1.0 if _plain(value) in haul_in else 0.0 for value in set(values)
+        value: 1.0 if _plain(value) in payout else -1.0 if _plain(value) in haul_in else 0.0
+        for value in set(values)
     }
     if 1.0 not in found.values():
         seen = first_of([repr(value.strip()) for value in sorted(found)], MAX_VALUES)
         raise LogError(
-            f"{where}: no sample of the column {rule.column!r} has a value of payout, {list(rule.payout)}; it holds {seen}. "
+            f"{where}: no sample of the column {rule.column!r} has a value of payout, "
+            f"{list(rule.payout)}; it holds {seen}. "
             "Correct payout under [phases] of the rig file."
         )
     return np.array([found[value] for value in values])
@@ -73,14 +83,16 @@ def _plain(text: str) -> str:
 
 
 def steps_of_rows(channels: Mapping[str, Signal], rig: Rig) -> Checked:
-    """Channels in which each row holds for one second, so that an energy in joules is the mean power of the row in watts.
+    """Channels in which each row holds for one second, so that an energy in joules is the mean
+    power of the row in watts.
 
-    Stamps of the table do not count. Rows in which a channel holds no number are left out. Rows are means over steps: spikes,
-    stuck sensors and the clock are not checked.
+    Stamps of the table do not count. Rows in which a channel holds no number are left out. Rows are
+    means over steps: spikes, stuck sensors and the clock are not checked.
 
     Parameters
     ----------
-    channels : (n,) each, SI units, NaN where a cell was not a number; one without any number is left out
+    channels : (n,) each, SI units, NaN where a cell was not a number; one without any number is
+        left out
     """
     findings = [
         Finding("missing_channel", f"the column for {name} holds no number", "left out", name)
@@ -98,4 +110,11 @@ def steps_of_rows(channels: Mapping[str, Signal], rig: Rig) -> Checked:
         message = f"{lost} row{'s' if lost > 1 else ''} with a cell that is no number"
         findings.append(Finding("not_a_number", message, "left out", count=lost, removed=lost))
     doubled = {name: np.repeat(x[rows], 2) for name, x in channels.items()}
-    return Checked(t, doubled, {}, tuple(findings), np.empty((0, 2)), completed(rig, log_scales(t, doubled, rig)))
+    return Checked(
+        t,
+        doubled,
+        {},
+        tuple(findings),
+        np.empty((0, 2)),
+        completed(rig, log_scales(t, doubled, rig)),
+    )

@@ -1,4 +1,6 @@
-"""Read a file of any known format as a checked Run; a file that cannot be used raises LogError with the reason."""
+"""Read a file of any known format as a checked Run; a file that cannot be used raises LogError
+with the reason.
+"""
 
 from __future__ import annotations
 
@@ -79,32 +81,38 @@ def read_run(
 ) -> Run:
     """Read a log, a file of any known format or a pandas DataFrame, and check it.
 
-    What is not given comes from the campaign.toml beside the log, if that lists it, as for the command `reduce`: rig, load,
-    sheet, title, origin, and the window and cycles for the call `reduce`.
+    What is not given comes from the campaign.toml beside the log, if that lists it, as for the
+    command `reduce`: rig, load, sheet, title, origin, and the window and cycles for the call
+    `reduce`.
 
     Parameters
     ----------
-    path : CSV of any dialect, LabVIEW's .lvm, TDMS, MATLAB .mat, Parquet or Excel; the content decides which. Or a DataFrame
-        with the columns of a log and its clock in a column or the index; it is not changed
-    rig : the rig whose sensors and columns are expected; by default that of the campaign, else the paper's, as assumed. The run
-        keeps it for `reduce`.
-    load : resistance at the DC link, inf for an open circuit; by default that of the campaign, else what a property of the file
-        states, else None [ohm]
-    table : name or number of the sheet of a workbook, of the run in a MATLAB file or of the TDMS group; needed where several
-        could be the log
+    path : CSV of any dialect, LabVIEW's .lvm, TDMS, MATLAB .mat, Parquet or Excel; the content
+        decides which. Or a DataFrame with the columns of a log and its clock in a column or the
+        index; it is not changed
+    rig : the rig whose sensors and columns are expected; by default that of the campaign, else the
+        paper's, as assumed. The run keeps it for `reduce`.
+    load : resistance at the DC link, inf for an open circuit; by default that of the campaign, else
+        what a property of the file states, else None [ohm]
+    table : name or number of the sheet of a workbook, of the run in a MATLAB file or of the TDMS
+        group; needed where several could be the log
     load_source, about : source of the load, and a description of the log, for the reports
-    origin : whether the data are measured and where they come from; the mark of `simulate` overrides it
-    simulated : the log has no sensors that could be stuck or out of range, also without the mark of `simulate`
+    origin : whether the data are measured and where they come from; the mark of `simulate`
+        overrides it
+    simulated : the log has no sensors that could be stuck or out of range, also without the mark of
+        `simulate`
     units : of a DataFrame alone: units of its columns by their names, such as {"force": "kN"}
     name : of the run, in messages and reports; by default that of the file, or `data frame`
     campaign : False to read a file without the campaign.toml beside it
-    repairs : "off" keeps what was logged, and the findings list what would be repaired. All the same cells without a number are
-        bridged, stamps that do not rise are put in order, and signs are corrected
+    repairs : "off" keeps what was logged, and the findings list what would be repaired. All the
+        same cells without a number are bridged, stamps that do not rise are put in order, and signs
+        are corrected
 
     Raises
     ------
     LogError : the log cannot be used; the message is one sentence
-    CampaignError, RigError : the campaign.toml beside the log, or the rig that it names, cannot be used
+    CampaignError, RigError : the campaign.toml beside the log, or the rig that it names, cannot be
+        used
     OptionError : `units` are given for a file, which names its own, or `load` is none
 
     Examples
@@ -131,18 +139,29 @@ def read_run(
         check_arguments("read_run", ("path", path, PATH))
     if file is not None and units is not None:
         raise OptionError(
-            f"{file}: units are given for a file, which names its own; expected them with a DataFrame alone. Leave units "
+            f"{file}: units are given for a file, which names its own; expected them with a "
+            f"DataFrame alone. Leave units "
             "out, or state them in a rig file under [columns]."
         )
     sheet = None if table is None else str(table)
     settings = LogSettings(given_rig("read_run", rig))
     if campaign and file is not None:
         settings = settings_beside(file, rig, sheet)
-    given = {"repairs": repairs, "load": load, "about": about or None, "origin": origin, "sheet": sheet}
+    given = {
+        "repairs": repairs,
+        "load": load,
+        "about": about or None,
+        "origin": origin,
+        "sheet": sheet,
+    }
     given["load_source"] = None if load is None else load_source
-    settings = replace(settings, **{key: value for key, value in given.items() if value is not None})
+    settings = replace(
+        settings, **{key: value for key, value in given.items() if value is not None}
+    )
     named = name or ("data frame" if file is None else file.name)
-    run = read_by(path if file is None else file, settings, simulated=simulated, units=units or {}, name=named)
+    run = read_by(
+        path if file is None else file, settings, simulated=simulated, units=units or {}, name=named
+    )
     return run if name is None else replace(run, name=one_line(name))
 
 
@@ -154,21 +173,30 @@ def read_by(
     units: Mapping[str, str] | None = None,
     name: str = "data frame",
 ) -> Run:
-    """Read a log by settings that leave nothing open: LogError as `read_run`. `units` and `name` are those of a frame."""
+    """Read a log by settings that leave nothing open: LogError as `read_run`. `units` and `name`
+    are those of a frame.
+    """
     if isinstance(log, Path):
         run = _read_unchanged(log, settings, simulated=simulated)
     else:
         from winchcascade.ingest.formats.data_frame import frame_digest, open_frame
 
-        loaded = _loaded(open_frame(log, where=name, units=units, table=settings.sheet), settings.rig, name)
-        assumed = {finding.channel for finding in loaded.found.findings if finding.kind == "unit_assumed"}
+        loaded = _loaded(
+            open_frame(log, where=name, units=units, table=settings.sheet), settings.rig, name
+        )
+        assumed = {
+            finding.channel for finding in loaded.found.findings if finding.kind == "unit_assumed"
+        }
         for channel, match in loaded.found.channels.items():
             column = loaded.source.headers[match.index].name
             if channel in assumed and units and units.get(column):
                 raise LogError(
-                    f"{name}: units gives {column!r} the unit {units[column]!r}, which is none of {channel}."
+                    f"{name}: units gives {column!r} the unit {units[column]!r}, which is none of "
+                    f"{channel}."
                 )
-        run = replace(_run_of(loaded, settings, where=name, simulated=simulated), sha256=frame_digest(log))
+        run = replace(
+            _run_of(loaded, settings, where=name, simulated=simulated), sha256=frame_digest(log)
+        )
     run = _with_origin(run, settings.origin)
     return run if settings.parts is None else replace(run, findings=(*run.findings, settings.parts))
 
@@ -186,7 +214,8 @@ def _read_unchanged(path: Path, settings: LogSettings, *, simulated: bool) -> Ru
         if _state(path) == before:
             return run
     raise LogError(
-        f"{path}: changed each of {READS_MAX} times while it was read; expected a file that is complete. Wait until the logger "
+        f"{path}: changed each of {READS_MAX} times while it was read; expected a file that is "
+        f"complete. Wait until the logger "
         "has closed it, or reduce a copy."
     )
 
@@ -219,7 +248,9 @@ def _read(path: Path, settings: LogSettings, *, simulated: bool) -> Run:
 
 
 class _Loaded(NamedTuple):
-    """A log with its columns loaded; `labels` are the phases of its rows where a column states them, (n,)."""
+    """A log with its columns loaded; `labels` are the phases of its rows where a column states
+    them, (n,).
+    """
 
     source: LogSource
     found: Assignment
@@ -232,34 +263,54 @@ class _Loaded(NamedTuple):
 
 
 def _loaded(source: LogSource, rig: Rig, where: str) -> _Loaded:
-    """Load the channels, with the clock of a named column or else of the only column without a name that is one.
+    """Load the channels, with the clock of a named column or else of the only column without a name
+    that is one.
 
     A data frame may have its clock in the index, which has no name.
     """
     found = assign(source.headers, rig, where)
-    label = label_column(source.headers, rig.phases, where) if rig.phases.source == "column" else None
-    matched = [match.index for match in (*found.channels.values(), found.temperature) if match is not None]
-    wanted = list(dict.fromkeys([*matched, *(k for k in (label, load_column(source.headers)) if k is not None)]))
+    label = (
+        label_column(source.headers, rig.phases, where) if rig.phases.source == "column" else None
+    )
+    matched = [
+        match.index for match in (*found.channels.values(), found.temperature) if match is not None
+    ]
+    wanted = list(
+        dict.fromkeys(
+            [*matched, *(k for k in (label, load_column(source.headers)) if k is not None)]
+        )
+    )
     table = None
     if found.time is None and source.time_step is None:
-        columns = [k for k, header in enumerate(source.headers) if nameless(header) and k not in wanted]
+        columns = [
+            k for k, header in enumerate(source.headers) if nameless(header) and k not in wanted
+        ]
         clocks = [(k, loaded) for k in columns if is_clock(loaded := source.load(wanted, k))]
         if len(clocks) == 1:
             found, table = assign(source.headers, rig, where, clock=clocks[0][0]), clocks[0][1]
     if table is None:
         table = source.load(wanted, None if found.time is None else found.time.index)
-    return _Loaded(source, found, table, None if label is None else phase_labels(table, label, rig.phases, where))
+    return _Loaded(
+        source,
+        found,
+        table,
+        None if label is None else phase_labels(table, label, rig.phases, where),
+    )
 
 
 def _run_of(loaded: _Loaded, settings: LogSettings, *, where: str, simulated: bool) -> Run:
-    """Check the loaded columns of a log; the load is that of the settings, else that of a property of the log."""
+    """Check the loaded columns of a log; the load is that of the settings, else that of a
+    property of the log.
+    """
     source, found, table, labels = loaded
     rig, load, load_source = settings.rig, settings.load, settings.load_source
     rows = rig.phases.source == "rows"
     if loaded.samples < (1 if rows else MIN_ROWS):
         raise LogError(
-            f"{where}: the log has {loaded.samples} row{'' if loaded.samples == 1 else 's'} of data; expected at least "
-            f"{1 if rows else MIN_ROWS}, as of a test with a cycle. Where each row is the mean of a step, set "
+            f"{where}: the log has {loaded.samples} row{'' if loaded.samples == 1 else 's'} of "
+            f"data; expected at least "
+            f"{1 if rows else MIN_ROWS}, as of a test with a cycle. Where each row is the mean of "
+            f"a step, set "
             'from = "rows" under [phases] of the rig file.'
         )
     clock = log_clock(source, table, found, rig, loaded.samples, where)
@@ -274,11 +325,17 @@ def _run_of(loaded: _Loaded, settings: LogSettings, *, where: str, simulated: bo
     else:
         simulated, open_circuit = found.simulated or simulated, load == math.inf
         checked = check(
-            clock.t, channels, rig, simulated=simulated, open_circuit=open_circuit, repairs=settings.repairs
+            clock.t,
+            channels,
+            rig,
+            simulated=simulated,
+            open_circuit=open_circuit,
+            repairs=settings.repairs,
         )
     if not checked.channels:
         raise LogError(
-            f"{where}: the columns of motion and power hold no number; expected those of one stage at least."
+            f"{where}: the columns of motion and power hold no number; expected those of one "
+            f"stage at least."
         )
     gaps = clock.gaps if rows else np.interp(clock.gaps, clock.t, checked.t).reshape(-1, 2)
     lost, t = np.concatenate((gaps, checked.clock)), sealed(checked.t)
@@ -294,7 +351,13 @@ def _run_of(loaded: _Loaded, settings: LogSettings, *, where: str, simulated: bo
         load=load,
         load_source=load_source,
         about=settings.about,
-        findings=(*found.findings, *load_findings, *table.findings, *clock.findings, *checked.findings),
+        findings=(
+            *found.findings,
+            *load_findings,
+            *table.findings,
+            *clock.findings,
+            *checked.findings,
+        ),
         simulated=found.simulated,
         table=None if source.table is None else one_line(source.table),
         first_stamp=first_stamp(table.stamps),
@@ -307,12 +370,19 @@ def _run_of(loaded: _Loaded, settings: LogSettings, *, where: str, simulated: bo
     )
 
 
-def _temperature(table: LogTable, found: Assignment, channels: Mapping[str, Signal], rig: Rig) -> float | None:
-    """Median of the temperature of the machine, in a channel of the rig's own or another column; None without exactly one.
+def _temperature(
+    table: LogTable, found: Assignment, channels: Mapping[str, Signal], rig: Rig
+) -> float | None:
+    """Median of the temperature of the machine, in a channel of the rig's own or another column;
+    None without exactly one.
 
     [K]
     """
-    own = [name for name, one in rig.channels.items() if one.dimension == "temperature" and of_machine(name)]
+    own = [
+        name
+        for name, one in rig.channels.items()
+        if one.dimension == "temperature" and of_machine(name)
+    ]
     read = [channels[name] for name in own if name in channels]
     if not read and found.temperature is not None:
         unit = found.temperature.unit or Unit("temperature", 1.0)
@@ -322,7 +392,9 @@ def _temperature(table: LogTable, found: Assignment, channels: Mapping[str, Sign
 
 
 def _with_origin(run: Run, stated: Origin) -> Run:
-    """The log with its origin: that of its mark where `simulate` made it, with a finding if the campaign states otherwise."""
+    """The log with its origin: that of its mark where `simulate` made it, with a finding if the
+    campaign states otherwise.
+    """
     if not run.simulated:
         return replace(run, origin=stated)
     if not stated.measured:
@@ -330,7 +402,8 @@ def _with_origin(run: Run, stated: Origin) -> Run:
         return replace(run, origin=origin)
     conflict = Finding(
         "origin_conflict",
-        "the campaign states measured = true, but the log has the columns of a log made by winchcascade simulate",
+        "the campaign states measured = true, but the log has the columns of a log made by "
+        "winchcascade simulate",
         "taken as not measured",
     )
     return replace(run, origin=SIMULATED, findings=(conflict, *run.findings))
@@ -340,7 +413,11 @@ def _channels(table: LogTable, found: Assignment, clock: Clock) -> dict[str, Sig
     """Columns in SI units, in the rows that the clock kept."""
     channels = {}
     for name, match in found.channels.items():
-        x = table.values[match.index] if clock.rows is None else table.values[match.index][clock.rows]
+        x = (
+            table.values[match.index]
+            if clock.rows is None
+            else table.values[match.index][clock.rows]
+        )
         x = x if x.flags.writeable else x.copy()
         if not (x.max(initial=0.0) < OVERFLOW and x.min(initial=0.0) > -OVERFLOW):
             x[np.abs(x) >= OVERFLOW] = np.nan

@@ -1,4 +1,6 @@
-"""What every file format provides: headers, and a table of the wanted columns; and the choice of one table among several."""
+"""What every file format provides: headers, and a table of the wanted columns; and the choice of
+one table among several.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ from winchcascade.ingest.stamps import looks_like_a_stamp
 MIN_ROWS = 10
 """A table with fewer rows than this is a list of parameters or results: it shows no motion."""
 
-LOG_ENDINGS = frozenset("csv tsv txt dat asc log lvm tdms mat parquet pq xlsx xls xlsm xlsb ods".split())
+LOG_ENDINGS = frozenset(
+    "csv tsv txt dat asc log lvm tdms mat parquet pq xlsx xls xlsm xlsb ods".split()
+)
 """Endings of files that are taken for logs among others; the reader is chosen by their content."""
 
 MAX_NAMED = 12
@@ -41,10 +45,13 @@ class LogTable(msgspec.Struct, frozen=True):
 
     Parameters
     ----------
-    values : (n,) each, by index of the header, in the file's own unit; NaN where a cell is not a number
-    stamps : (n,) numbers in the unit of the time column, or the n texts of stamps, or None without a time column
+    values : (n,) each, by index of the header, in the file's own unit; NaN where a cell is not a
+        number
+    stamps : (n,) numbers in the unit of the time column, or the n texts of stamps, or None without
+        a time column
     stamped : the stamps were dates and times and are now seconds since the first one
-    began : when that was, since 1970, of a local time as if it were UTC; None where the stamps have no date [s]
+    began : when that was, since 1970, of a local time as if it were UTC; None where the stamps have
+        no date [s]
     texts : the n texts of each column that holds no number
     """
 
@@ -63,7 +70,8 @@ class LogSource(msgspec.Struct, frozen=True):
     ----------
     headers : every column of the file in its order
     load : called with the indices of the wanted columns, and that of the time column (or None)
-    time_step : sampling interval that the file states itself (a waveform); None where stamps or nothing give it [s]
+    time_step : sampling interval that the file states itself (a waveform); None where stamps or
+        nothing give it [s]
     time_start : stamp of the first sample of such a waveform [s]
     properties : what the file states about itself, such as `load_ohm`
     table : name of the sheet, variable or group that is read, where a file may hold several
@@ -80,11 +88,13 @@ class LogSource(msgspec.Struct, frozen=True):
 
 
 def arrow_table(headers: Sequence[Header], columns: Sequence[pa.Array], **about: Any) -> pa.Table:
-    """Make a table of Arrow that states the units of its columns and, for `source_of`, what else is known of the log.
+    """Make a table of Arrow that states the units of its columns and, for `source_of`, what else is
+    known of the log.
 
     Parameters
     ----------
-    about : `time_step`, `time_start`, `properties` and `table` as of a `LogSource`; `not_read` describes what was left out
+    about : `time_step`, `time_start`, `properties` and `table` as of a `LogSource`; `not_read`
+        describes what was left out
     """
     fields = [
         pa.field(header.name, column.type, metadata={"unit": header.unit or ""})
@@ -110,7 +120,11 @@ def source_of(table: pa.Table) -> LogSource:
 def headers_of(schema: pa.Schema) -> tuple[Header, ...]:
     """Names of the columns of Arrow, with the units that their metadata state."""
     metadata = [
-        {str(k, "utf-8", "replace"): str(v, "utf-8", "replace") for k, v in (f.metadata or {}).items()} for f in schema
+        {
+            str(k, "utf-8", "replace"): str(v, "utf-8", "replace")
+            for k, v in (f.metadata or {}).items()
+        }
+        for f in schema
     ]
     units = [first_text(texts, ("unit", "units")) for texts in metadata]
     return tuple(map(Header, schema.names, units))
@@ -122,9 +136,11 @@ def log_table(
     time: int | None,
     findings: tuple[Finding, ...] = (),
 ) -> LogTable:
-    """Put columns together that come piece by piece, each turned into numbers at once: a long log fits in memory only so.
+    """Put columns together that come piece by piece, each turned into numbers at once: a long log
+    fits in memory only so.
 
-    Rows that hold neither a stamp nor a number are left out beside a clock: notes, and names repeated where logs were joined.
+    Rows that hold neither a stamp nor a number are left out beside a clock: notes, and names
+    repeated where logs were joined.
     """
     used = dict.fromkeys([*wanted, *([] if time is None else [time])])
     values: dict[int, Signal] = {k: np.empty(0) for k in used}
@@ -146,20 +162,29 @@ def log_table(
     began = None
     for k, kept in others.items():
         if kept and is_text(kept[0].type):
-            stamps = looks_like_a_stamp(next(filter(None, kept[0].slice(0, MIN_ROWS).to_pylist()), ""))
+            stamps = looks_like_a_stamp(
+                next(filter(None, kept[0].slice(0, MIN_ROWS).to_pylist()), "")
+            )
             if not stamps:
-                values[k] = np.concatenate([np.array([*map(_number, words)])[at] for words, at in map(_words, kept)])
+                values[k] = np.concatenate(
+                    [np.array([*map(_number, words)])[at] for words, at in map(_words, kept)]
+                )
             if stamps or not np.isfinite(values[k]).any():
                 texts[k] = [text for chunk in kept for text in _texts(chunk)]
                 values[k] = np.full(len(texts[k]), np.nan)
         elif kept:
             seconds, first = _seconds_of(pa.chunked_array(kept))
-            values[k], began = (seconds, first) if k == time else (np.full(seconds.size, np.nan), began)
+            values[k], began = (
+                (seconds, first) if k == time else (np.full(seconds.size, np.nan), began)
+            )
     stamped = time is not None and bool(others[time]) and pa.types.is_temporal(others[time][0].type)
     blank = _blank_rows(values, texts.get(time)) if time is not None else np.zeros(0, dtype=bool)
     if blank.any():
         values = {k: x[~blank] for k, x in values.items()}
-        texts = {k: [text for text, left in zip(x, blank.tolist(), strict=True) if not left] for k, x in texts.items()}
+        texts = {
+            k: [text for text, left in zip(x, blank.tolist(), strict=True) if not left]
+            for k, x in texts.items()
+        }
     clock = None if time is None else texts.get(time, values[time])
     return LogTable({k: values[k] for k in wanted}, clock, stamped, findings, began, texts)
 
@@ -181,14 +206,21 @@ def _blank_rows(values: Mapping[int, Signal], stamps: Sequence[str] | None) -> M
 def is_text(kind: Any) -> bool:
     """Whether a type of Arrow is that of texts."""
     kind = kind.value_type if pa.types.is_dictionary(kind) else kind
-    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind))
+    return bool(
+        pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind)
+    )
 
 
 def _numbers(column: pa.Array) -> Signal:
     """Convert a piece of a column to numbers; NaN for nulls and for what is none."""
     kind = column.type
-    if pa.types.is_float64(kind):  # without the import of pandas, which each of the other ways takes
-        return np.asarray(np.from_dlpack(column.fill_null(np.nan) if column.null_count else column), dtype=np.float64)
+    if pa.types.is_float64(
+        kind
+    ):  # without the import of pandas, which each of the other ways takes
+        return np.asarray(
+            np.from_dlpack(column.fill_null(np.nan) if column.null_count else column),
+            dtype=np.float64,
+        )
     if pa.types.is_dictionary(kind):
         column = column.dictionary_decode()
     elif pa.types.is_decimal(kind):
@@ -202,14 +234,20 @@ def _numbers(column: pa.Array) -> Signal:
 
 
 def _words(chunk: pa.Array) -> tuple[list[str], Any]:
-    """Take the different texts of a chunk, an empty one last, and which of them stands in each row: the last for a null."""
+    """Take the different texts of a chunk, an empty one last, and which of them stands in each
+    row: the last for a null.
+    """
     encoded = chunk if pa.types.is_dictionary(chunk.type) else chunk.dictionary_encode()
     words = [text or "" for text in encoded.dictionary.to_pylist()]
-    return [*words, ""], encoded.indices.cast(pa.int64()).fill_null(len(words)).to_numpy(zero_copy_only=False)
+    return [*words, ""], encoded.indices.cast(pa.int64()).fill_null(len(words)).to_numpy(
+        zero_copy_only=False
+    )
 
 
 def _texts(chunk: pa.Array) -> list[str]:
-    """Texts of a chunk, empty for nulls; equal ones of a dictionary are one object, as a long one would fill the memory."""
+    """Texts of a chunk, empty for nulls; equal ones of a dictionary are one object, as a long
+    one would fill the memory.
+    """
     if not pa.types.is_dictionary(chunk.type):
         return [text or "" for text in chunk.to_pylist()]
     words, rows = _words(chunk)
@@ -225,30 +263,40 @@ def _number(text: str) -> float:
 
 
 def _seconds_of(column: pa.ChunkedArray) -> tuple[Signal, float | None]:
-    """Read dates and times as seconds since the first one, NaN for nulls, and when that was, None without a date. [s]"""
+    """Read dates and times as seconds since the first one, NaN for nulls, and when that was,
+    None without a date. [s]
+    """
     kind = column.type
     is_date = pa.types.is_date(kind)
     unit = "ms" if is_date else kind.unit
-    whole = column.cast(pa.timestamp("ms") if is_date else pa.int32() if pa.types.is_time32(kind) else kind).cast(
-        pa.int64()
-    )
+    whole = column.cast(
+        pa.timestamp("ms") if is_date else pa.int32() if pa.types.is_time32(kind) else kind
+    ).cast(pa.int64())
     known, ticks = column.is_valid().to_numpy(), whole.fill_null(0).to_numpy()
     first = ticks[known][0] if known.any() else 0
-    # Whole ticks are subtracted before they become floats: nanoseconds since 1970 have more digits than a float.
+    # Whole ticks are subtracted before they become floats: nanoseconds since 1970 have more digits
+    # than a float.
     dated = is_date or pa.types.is_timestamp(kind)
-    return np.where(known, (ticks - first) / _TICKS[unit], np.nan), float(first / _TICKS[unit]) if dated else None
+    return np.where(known, (ticks - first) / _TICKS[unit], np.nan), float(
+        first / _TICKS[unit]
+    ) if dated else None
 
 
 @contextmanager
 def damage_reported(path: Path, form: str, remedy: str) -> Iterator[None]:
-    """Turn whatever a parser raises on a damaged file of some form, such as `TDMS file`, into one LogError."""
+    """Turn whatever a parser raises on a damaged file of some form, such as `TDMS file`, into
+    one LogError.
+    """
     try:
         yield
     except (LogError, MemoryError, KeyboardInterrupt, SystemExit, GeneratorExit):
         raise
-    except BaseException as fault:  # damage raises exceptions of nearly every kind; a panic of Rust is no Exception
+    except (
+        BaseException
+    ) as fault:  # damage raises exceptions of nearly every kind; a panic of Rust is no Exception
         raise LogError(
-            f"{path.name}: is damaged or breaks off ({type(fault).__name__}); a whole {form} was expected; {remedy}."
+            f"{path.name}: is damaged or breaks off ({type(fault).__name__}); a whole {form} was "
+            f"expected; {remedy}."
         ) from fault
 
 
@@ -263,7 +311,8 @@ def moves(headers: Iterable[Header]) -> bool:
 
 
 def choose(candidates: Sequence[str], wanted: str | None, where: str, kind: str) -> str:
-    """Choose the table that is read: the one that is wanted, by name or by its number from 1 on, else the only candidate.
+    """Choose the table that is read: the one that is wanted, by name or by its number from 1 on,
+    else the only candidate.
 
     Parameters
     ----------
@@ -277,18 +326,25 @@ def choose(candidates: Sequence[str], wanted: str | None, where: str, kind: str)
     listed = first_of([*map(repr, candidates)], MAX_NAMED)
     if wanted is None and len(candidates) > 1:
         raise LogError(
-            f"{where}: {len(candidates)} {kind}s could be the log: {listed}; expected one; name it with "
+            f"{where}: {len(candidates)} {kind}s could be the log: {listed}; expected one; name "
+            f"it with "
             '--sheet NAME, or with sheet = "NAME" in campaign.toml.'
         )
     if wanted is None or wanted in candidates:
         return candidates[0] if wanted is None else wanted
     alike = [name for name in candidates if name.casefold() == wanted.casefold()]
-    if not alike and wanted.isascii() and wanted.isdigit() and 1 <= int(wanted[:9]) <= len(candidates):
+    if (
+        not alike
+        and wanted.isascii()
+        and wanted.isdigit()
+        and 1 <= int(wanted[:9]) <= len(candidates)
+    ):
         alike = [candidates[int(wanted[:9]) - 1]]
     if alike:
         return alike[0]
     raise LogError(
-        f"{where}: has no {kind} {wanted!r}; expected one of {listed}, or a number from 1 to {len(candidates)}; "
+        f"{where}: has no {kind} {wanted!r}; expected one of {listed}, or a number from 1 to "
+        f"{len(candidates)}; "
         "correct --sheet, or sheet in campaign.toml."
     )
 
@@ -296,6 +352,7 @@ def choose(candidates: Sequence[str], wanted: str | None, where: str, kind: str)
 def reject_sheet(wanted: str, where: str) -> NoReturn:
     """Reject the choice of a table in a file that holds one alone: LogError."""
     raise LogError(
-        f"{where}: is one table, and --sheet {wanted} names another; expected a workbook, a MATLAB file or TDMS; leave "
+        f"{where}: is one table, and --sheet {wanted} names another; expected a workbook, a "
+        f"MATLAB file or TDMS; leave "
         "--sheet out, or sheet in campaign.toml."
     )

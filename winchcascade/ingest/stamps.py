@@ -37,10 +37,14 @@ STAMP_LENGTH_MAX = 64
 """A stamp is shorter than this."""
 
 _SERIAL = ((0.0, 1.0), (20000.0, 80000.0), (700_000.0, 780_000.0))
-"""A part of a day, days since 1900 or 1904 (1954 to 2119), MATLAB's days since the year 0 (1916 to 2135)."""
+"""A part of a day, days since 1900 or 1904 (1954 to 2119), MATLAB's days since the year 0 (1916
+to 2135).
+"""
 
 _SHORTEST_DAY_STEP = 1e-5
-"""Stamps this close together would be 100 kHz if they were seconds; as days they are less than a second apart."""
+"""Stamps this close together would be 100 kHz if they were seconds; as days they are less than a
+second apart.
+"""
 
 _Day = tuple[str, ...]
 
@@ -57,7 +61,8 @@ def looks_like_a_stamp(cell: str) -> bool:
 
 
 def seconds(texts: Sequence[str]) -> Signal:
-    """Turn stamps into seconds since the first one; NaN for a text that is no stamp, midnight carried over. [s]
+    """Turn stamps into seconds since the first one; NaN for a text that is no stamp, midnight
+    carried over. [s]
 
     >>> seconds(["18.04.2026 23:59:59,96", "19.04.2026 00:00:00,00"]).round(3).tolist()
     [0.0, 0.04]
@@ -75,19 +80,25 @@ def seconds(texts: Sequence[str]) -> Signal:
         for day, number in _numbers_of(days).items():
             since[days[day]] += DAY * number
         zones.pop(None, None)
-        if len(zones) > 1 and "" not in zones:  # summer time begins or ends, and every stamp has its offset from UTC
+        if (
+            len(zones) > 1 and "" not in zones
+        ):  # summer time begins or ends, and every stamp has its offset from UTC
             for zone, rows in zones.items():
                 since[rows] -= _east_of_utc(zone or "")
     good = np.flatnonzero(np.isfinite(since))
     if not any(days):
-        since[good] += period * np.cumsum(np.diff(since[good], prepend=since[good[:1]]) < -period / 2)
+        since[good] += period * np.cumsum(
+            np.diff(since[good], prepend=since[good[:1]]) < -period / 2
+        )
     return since - since[good[0]] if good.size else since
 
 
 def moment(text: str) -> float | None:
-    """Seconds since 1970 of a stamp, of one without an offset from UTC as if it were UTC; None without a certain date. [s]
+    """Seconds since 1970 of a stamp, of one without an offset from UTC as if it were UTC; None
+    without a certain date. [s]
 
-    Dates of which day and month may be exchanged are certain only with points, as these follow the day.
+    Dates of which day and month may be exchanged are certain only with points, as these follow the
+    day.
 
     >>> moment("1970-01-02 00:00:01.5"), moment("01.02.1970 00:00"), moment("1/2/1970 00:00"), moment("12:00:00")
     (86401.5, 2678400.0, None, None)
@@ -117,7 +128,8 @@ def _east_of_utc(zone: str) -> float:
 
 
 def _in_day(text: str) -> tuple[float, _Day | None, bool, str | None]:
-    """Seconds since midnight, the parts of the date, whether a text shows minutes and seconds alone, and its zone.
+    """Seconds since midnight, the parts of the date, whether a text shows minutes and seconds
+    alone, and its zone.
 
     The zone is empty for a stamp without one, and None for a text that is no stamp.
     """
@@ -135,18 +147,26 @@ def _in_day(text: str) -> tuple[float, _Day | None, bool, str | None]:
     if noon:
         hour = hour % 12 + (12 if noon.startswith("p") or noon == "下午" else 0)
     in_day = hour * 3600.0 + int(m) * 60.0 + int(s or 0) + (float("0." + frac) if frac else 0.0)
-    day = tuple(part for part in found.group("a", "b", "c", "d", "e", "f", "day", "month", "year") if part is not None)
+    day = tuple(
+        part
+        for part in found.group("a", "b", "c", "d", "e", "f", "day", "month", "year")
+        if part is not None
+    )
     return in_day, day or None, minutes and not day, found["zone"]
 
 
 def _numbers_of(days: Mapping[_Day | None, object]) -> dict[_Day | None, float]:
-    """Number each day from the first; of day before month and month before day the order that exists and spans fewer days."""
+    """Number each day from the first; of day before month and month before day the order that
+    exists and spans fewer days.
+    """
     orders = [
         {day: float("nan") if day is None else _number_of(day, month_first) for day in days}
         for month_first in (False, True)
     ]
     real = [[n for n in order.values() if np.isfinite(n)] for order in orders]
-    best = min((0, 1), key=lambda k: (-len(real[k]), max(real[k], default=0.0) - min(real[k], default=0.0)))
+    best = min(
+        (0, 1), key=lambda k: (-len(real[k]), max(real[k], default=0.0) - min(real[k], default=0.0))
+    )
     return {day: n - min(real[best], default=0.0) for day, n in orders[best].items()}
 
 
@@ -160,13 +180,16 @@ def _number_of(day: _Day, month_first: bool) -> float:
     name = second.casefold().rstrip(".")
     month = int(name) if name.isdecimal() else _MONTHS.get(name[:4], _MONTHS.get(name[:3], 0))
     try:
-        return float(date(int(third) + (2000 if int(third) < 100 else 0), month, int(first)).toordinal())
+        return float(
+            date(int(third) + (2000 if int(third) < 100 else 0), month, int(first)).toordinal()
+        )
     except ValueError:
         return float("nan")
 
 
 def serial_days(values: Signal) -> Signal | None:
-    """Seconds since the first stamp, if the stamps are days as a spreadsheet or MATLAB counts them; else None. [s]
+    """Seconds since the first stamp, if the stamps are days as a spreadsheet or MATLAB counts them;
+    else None. [s]
 
     >>> serial_days(np.array([46130.25, 46130.2500005, 46130.250001])).round(3).tolist()
     [0.0, 0.043, 0.086]

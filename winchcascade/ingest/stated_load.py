@@ -1,4 +1,6 @@
-"""The load that a log states of itself, in a column of a simulated log or in a property of its file."""
+"""The load that a log states of itself, in a column of a simulated log or in a property of its
+file.
+"""
 
 from __future__ import annotations
 
@@ -19,13 +21,15 @@ _OPEN = {"inf", "infinity", "infinite", "open", "opencircuit", "noload"}
 _PREFIX = {"m": 1e-3, "k": 1e3, "K": 1e3, "M": 1e6}
 _OHM = r"(?P<prefix>[mkMK]?)(?:[Oo][Hh][Mm][Ss]?|\u03a9|\u03c9)"
 _QUANTITY = re.compile(
-    rf"(?P<number>\d*[.,]?\d+(?:[eE][-+]?\d+)?|\d+[.,])\s*(?:{_OHM}(?![^\W\d_])(?P<remark>.*))?", re.DOTALL
+    rf"(?P<number>\d*[.,]?\d+(?:[eE][-+]?\d+)?|\d+[.,])\s*(?:{_OHM}(?![^\W\d_])(?P<remark>.*))?",
+    re.DOTALL,
 )
 """A number, and its unit of resistance, behind which a remark may follow."""
 
 
 def stated_load(source: LogSource, table: LogTable) -> tuple[float | None, str, list[Finding]]:
-    """The load that a log states, by the column of a simulated log or a property of the file, its source and findings on it.
+    """The load that a log states, by the column of a simulated log or a property of the file, its
+    source and findings on it.
 
     It is never taken from Vdc over Idc. A property that gives none is a finding. [ohm]
     """
@@ -33,7 +37,9 @@ def stated_load(source: LogSource, table: LogTable) -> tuple[float | None, str, 
     written = load_column(source.headers)
     if written is not None:
         texts = table.texts.get(written)
-        loads = np.unique(table.values[written]).tolist() if texts is None else [*map(_ohm, set(texts))]
+        loads = (
+            np.unique(table.values[written]).tolist() if texts is None else [*map(_ohm, set(texts))]
+        )
         if len(loads) == 1 and loads[0] is not None and is_load(loads[0]):
             return loads[0], f"column {LOAD_HEADER} of the log", []
         message = f"column {LOAD_HEADER} does not hold one load in all rows"
@@ -46,9 +52,7 @@ def stated_load(source: LogSource, table: LogTable) -> tuple[float | None, str, 
         ohm = _ohm(value, unit["prefix"] if unit else "")
         if ohm is not None:
             return ohm, f"property {key} of the file", []
-        message = (
-            f"property {key[:60]} of the file is {str(value)[:60]!r}; expected one resistance such as 9 ohm, or inf"
-        )
+        message = f"property {key[:60]} of the file is {str(value)[:60]!r}; expected one resistance such as 9 ohm, or inf"
         findings.append(Finding("load_mismatch", message, _NOT_USED))
     return None, "unknown", findings
 
@@ -69,7 +73,9 @@ def _ohm(value: str | float, prefix: str = "") -> float | None:
     if text.casefold().replace(" ", "").removesuffix("ohm") in _OPEN:
         return math.inf
     found = _QUANTITY.fullmatch(text)
-    if found is None or re.fullmatch(r"[1-9]\d*,\d{3}", found["number"]):  # a decimal comma or one of thousands
+    if found is None or re.fullmatch(
+        r"[1-9]\d*,\d{3}", found["number"]
+    ):  # a decimal comma or one of thousands
         return None
     if re.search(rf"\d\s*{_OHM}", found["remark"] or ""):
         return None

@@ -26,14 +26,19 @@ TORQUE = "torque"
 """Name of the torque of the PTO shaft among the quantities that a bin averages."""
 
 STORES = ("rotor", "spring", "capacitor")
-"""Where energy is stored between the torque sensor and the load while the speed changes: the spring is that of the shaft."""
+"""Where energy is stored between the torque sensor and the load while the speed changes: the
+spring is that of the shaft.
+"""
 
 STORED_WITHIN = 1 / 3
-"""Width over which a signal is smoothed before its change is taken, as a share of that which smooths the velocity: short
-against a braking. What remains of the noise averages out in a bin, as its changes add up to the difference of the ends. [1]"""
+"""Width over which a signal is smoothed before its change is taken, as a share of that which
+smooths the velocity: short against a braking. What remains of the noise averages out in a bin, as
+its changes add up to the difference of the ends. [1]"""
 
 BINS_MIN = 20
-"""Minimum number of bins up to the maximum speed where the rig file states no width: the paper has 32."""
+"""Minimum number of bins up to the maximum speed where the rig file states no width: the paper
+has 32.
+"""
 
 
 class Bin(msgspec.Struct, frozen=True):
@@ -43,8 +48,8 @@ class Bin(msgspec.Struct, frozen=True):
     ----------
     rpm_low, rpm_high : its ends [rpm]
     count : samples in it
-    mean : by name, of the power of each stage [W], of the `TORQUE` [N m], and of the powers that go into `STORES` while the
-        speed changes [W]; P_mech - P_gen less these is a loss
+    mean : by name, of the power of each stage [W], of the `TORQUE` [N m], and of the powers that go
+        into `STORES` while the speed changes [W]; P_mech - P_gen less these is a loss
     standard_error : s/sqrt(n) of the same, as if samples were independent; a single sample has none
     """
 
@@ -55,32 +60,45 @@ class Bin(msgspec.Struct, frozen=True):
     standard_error: Mapping[str, float]
 
 
-def engaged(run: Run, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | PlateauSummary | None], rig: Rig) -> Mask:
+def engaged(
+    run: Run, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | PlateauSummary | None], rig: Rig
+) -> Mask:
     """Find the samples of the payouts in which the clutch drives the generator, (n,).
 
-    When the drum slows the rotor runs on alone and the torque of the PTO shaft is zero. So from an onset the clutch counts
-    as engaged until the torque has risen, and from then on wherever there is torque; without a torque channel until
-    braking begins. Bridged samples are left out.
+    When the drum slows the rotor runs on alone and the torque of the PTO shaft is zero. So from an
+    onset the clutch counts as engaged until the torque has risen, and from then on wherever there
+    is torque; without a torque channel until braking begins. Bridged samples are left out.
     """
     driven = np.zeros(run.t.size, dtype=bool)
     clutch, torque = rig.drivetrain.one_way_clutch, run.channels.get("torque")
     for cycle, plateau in zip(cycles, plateaus, strict=True):
-        end = plateau.braking if clutch and torque is None and plateau is not None else cycle.payout_end
-        rows = slice(int(run.t.searchsorted(cycle.onset)), int(run.t.searchsorted(end, side="right")))
+        end = (
+            plateau.braking
+            if clutch and torque is None and plateau is not None
+            else cycle.payout_end
+        )
+        rows = slice(
+            int(run.t.searchsorted(cycle.onset)), int(run.t.searchsorted(end, side="right"))
+        )
         driven[rows] = True
         if clutch and torque is not None:
             pulls = torque[rows] >= rig.thresholds.tau_engaged
             driven[rows] = pulls | ~np.logical_or.accumulate(pulls) if pulls.any() else pulls
     for before, after in all_gaps(run, rig.cascade.channels):
-        driven[np.searchsorted(run.t, before, side="right") : np.searchsorted(run.t, after, side="left")] = False
+        driven[
+            np.searchsorted(run.t, before, side="right") : np.searchsorted(
+                run.t, after, side="left"
+            )
+        ] = False
     return driven
 
 
 def generator_speed(run: Run, rig: Rig) -> tuple[Signal, float] | None:
-    """A signal and the factor that turns it into the speed of the generator in rpm; None where that speed is unknown.
+    """A signal and the factor that turns it into the speed of the generator in rpm; None where that
+    speed is unknown.
 
-    The line velocity gives it while the clutch is engaged, where drum radius and gear ratio are known, else the logged speed of
-    the shaft.
+    The line velocity gives it while the clutch is engaged, where drum radius and gear ratio are
+    known, else the logged speed of the shaft.
     """
     per_velocity, gear = rig.rpm_per_velocity, rig.drivetrain.gear_ratio
     if per_velocity is not None and "velocity" in run.channels:
@@ -91,18 +109,21 @@ def generator_speed(run: Run, rig: Rig) -> tuple[Signal, float] | None:
 
 
 def stored_powers(run: Run, rig: Rig, *numbers: float | None) -> dict[str, Stream]:
-    """Powers that go into `STORES`, as functions of rows of the log, of those whose signal is logged and whose number is known.
-    [W]
+    """Powers that go into `STORES`, as functions of rows of the log, of those whose signal is
+    logged and whose number is known. [W]
 
-    J omega domega/dt of a rotor, tau dtau/dt / k of a spring, C V dV/dt of a capacitor; negative where it gives energy back.
+    J omega domega/dt of a rotor, tau dtau/dt / k of a spring, C V dV/dt of a capacitor; negative
+    where it gives energy back.
 
     Parameters
     ----------
-    numbers : inertia of the rotor [kg m2], stiffness of the shaft [N m/rad], capacitance of the DC link [F]; by default those
-        of the rig file
+    numbers : inertia of the rotor [kg m2], stiffness of the shaft [N m/rad], capacitance of the DC
+        link [F]; by default those of the rig file
     """
     stated = rig.drivetrain.inertia_rotor, rig.drivetrain.k_shaft, rig.dc_link.c_dc
-    inertia, k_shaft, c_dc = numbers or (None if number is None else number.value for number in stated)
+    inertia, k_shaft, c_dc = numbers or (
+        None if number is None else number.value for number in stated
+    )
     speed, rpm = generator_speed(run, rig) or (None, 0.0)
     stores = {
         "rotor": (speed, None if inertia is None else inertia * (rpm * math.pi / 30.0) ** 2),
@@ -116,17 +137,31 @@ def stored_powers(run: Run, rig: Rig, *numbers: float | None) -> dict[str, Strea
     }
 
 
-def _stored(t: Signal, signal: Signal, constant: float, width: float, rows: slice | Index) -> Signal:
-    """A constant times a signal times its slope, smoothed over a width [s], in some rows that rise. [W]"""
-    first, last = (rows.start, rows.stop) if isinstance(rows, slice) else (int(rows[0]), int(rows[-1]) + 1)
-    begin, end = t.searchsorted((t[first] - width, t[min(last, t.size) - 1] + width))  # what smooths the ends
+def _stored(
+    t: Signal, signal: Signal, constant: float, width: float, rows: slice | Index
+) -> Signal:
+    """A constant times a signal times its slope, smoothed over a width [s], in some rows that
+    rise. [W]
+    """
+    first, last = (
+        (rows.start, rows.stop) if isinstance(rows, slice) else (int(rows[0]), int(rows[-1]) + 1)
+    )
+    begin, end = t.searchsorted(
+        (t[first] - width, t[min(last, t.size) - 1] + width)
+    )  # what smooths the ends
     part = slice(int(begin), int(end) + 1)
     smooth = local_quadratic(t[part], signal[part], width)
     power = constant * smooth * np.gradient(smooth, t[part])
-    return power[first - part.start : last - part.start] if isinstance(rows, slice) else power[rows - part.start]
+    return (
+        power[first - part.start : last - part.start]
+        if isinstance(rows, slice)
+        else power[rows - part.start]
+    )
 
 
-def bins_of(run: Run, rig: Rig, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | None]) -> tuple[Bin, ...]:
+def bins_of(
+    run: Run, rig: Rig, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | None]
+) -> tuple[Bin, ...]:
     """Bins over the payouts of some cycles; none where the speed of the generator is unknown.
 
     Raises
@@ -143,7 +178,8 @@ def bins_of(run: Run, rig: Rig, cycles: Sequence[Cycle], plateaus: Sequence[Plat
     maximum = largest(speed) * rpm / width
     if maximum > MAX_BINS:
         raise OptionError(
-            f"{run.name}: {maximum:.3g} bins of {width:g} rpm; expected at most {MAX_BINS}. Check gear_ratio, "
+            f"{run.name}: {maximum:.3g} bins of {width:g} rpm; expected at most {MAX_BINS}. Check "
+            f"gear_ratio, "
             f"r_drum and rpm_bin of the rig {rig.name}, and the unit of the velocity."
         )
     streams = {stage.name: stage.stream(run.channels, rig.r_drum) for stage in rig.cascade.stages}
@@ -154,7 +190,8 @@ def bins_of(run: Run, rig: Rig, cycles: Sequence[Cycle], plateaus: Sequence[Plat
 
 
 def bin_width(rig: Rig, rpm_top: float) -> float:
-    """Width of the bins of generator speed up to a maximum speed: that of the rig file, else a round one. [rpm]
+    """Width of the bins of generator speed up to a maximum speed: that of the rig file, else a
+    round one. [rpm]
 
     >>> from winchcascade.core.rig_toml import parse_rig
     >>> direct = parse_rig('name = "d"', "d.toml")
@@ -168,7 +205,9 @@ def bin_width(rig: Rig, rpm_top: float) -> float:
     return max(step * decade for step in (1.0, 2.0, 5.0) if step * decade <= largest_width)
 
 
-def bin_powers(speed: Signal, rpm: float, driven: Mask, powers: Mapping[str, Stream], width: float) -> tuple[Bin, ...]:
+def bin_powers(
+    speed: Signal, rpm: float, driven: Mask, powers: Mapping[str, Stream], width: float
+) -> tuple[Bin, ...]:
     """Average each power in bins of generator speed; bins without a sample are left out.
 
     Parameters
@@ -196,7 +235,9 @@ def bin_powers(speed: Signal, rpm: float, driven: Mask, powers: Mapping[str, Str
     for name, (total, squares) in sums.items():
         average = total / n
         means[name] = average.tolist()
-        errors[name] = np.sqrt(np.maximum(squares / n - average * average, 0.0) / np.maximum(n - 1, 1)).tolist()
+        errors[name] = np.sqrt(
+            np.maximum(squares / n - average * average, 0.0) / np.maximum(n - 1, 1)
+        ).tolist()
     bins = []
     for k in np.flatnonzero(count).tolist():
         mean = {name: x[k] for name, x in means.items()}

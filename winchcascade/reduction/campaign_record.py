@@ -1,4 +1,5 @@
-"""A campaign as data: each log with its means or why it has none, what sets the logs apart, and the best load.
+"""A campaign as data: each log with its means or why it has none, what sets the logs apart, and the
+best load.
 
 A best load is claimed only where the line moved alike at all loads.
 """
@@ -25,19 +26,25 @@ from winchcascade.reduction.wave_energies import CampaignWavesRecord
 CAMPAIGN_SCHEMA = "winchcascade/campaign/1"
 
 SPEED_ALIKE = 0.05
-"""Largest share by which plateau speeds of loads that are compared may differ: efficiencies depend on the speed, too. [1]"""
+"""Largest share by which plateau speeds of loads that are compared may differ: efficiencies
+depend on the speed, too. [1]
+"""
 
 LOAD_SEED = 20260
 """Seed of the draws from which the probability follows that a load is the best."""
 
 LOAD_DRAWS = 20_000
-"""Number of draws: the probability is known within a standard error of 0.0035, 0.5 over the root of this, or better."""
+"""Number of draws: the probability is known within a standard error of 0.0035, 0.5 over the root
+of this, or better.
+"""
 
 
 class LogSummary(msgspec.Struct, frozen=True):
-    """One log of a campaign: where its result is, and its means; `findings` are kinds, `finding_count` counts them all.
+    """One log of a campaign: where its result is, and its means; `findings` are kinds,
+    `finding_count` counts them all.
 
-    `plateau_speed_mps` is the mean over its complete cycles, null where a cycle has no plateau [m/s].
+    `plateau_speed_mps` is the mean over its complete cycles, null where a cycle has no plateau
+    [m/s].
     """
 
     name: str
@@ -83,9 +90,11 @@ class FailedLog(msgspec.Struct, frozen=True):
 
 
 class CampaignRecord(msgspec.Struct, frozen=True):
-    """A campaign: its logs in their order, and findings of single logs beside the others, each with the name of its log.
+    """A campaign: its logs in their order, and findings of single logs beside the others, each with
+    the name of its log.
 
-    `state` is a digest of all that the files of the campaign depend on; `waves` are those of all logs together.
+    `state` is a digest of all that the files of the campaign depend on; `waves` are those of all
+    logs together.
     """
 
     title: str
@@ -107,13 +116,23 @@ class CampaignRecord(msgspec.Struct, frozen=True):
 
 def log_summary(name: str, log: str, record: RunRecord) -> LogSummary:
     """Summarise the result of one log, of which the path is given too."""
-    means = ("data", "window", "mean", "standard_uncertainty", "interval_95", "max_deviation_percent")
+    means = (
+        "data",
+        "window",
+        "mean",
+        "standard_uncertainty",
+        "interval_95",
+        "max_deviation_percent",
+    )
     return LogSummary(
         name=name,
         log=log,
         fault=None,
         result=f"runs/{name}.json",
-        **{entry: getattr(record.log, entry) for entry in ("table", "load_ohm", "open_circuit", "simulated")},
+        **{
+            entry: getattr(record.log, entry)
+            for entry in ("table", "load_ohm", "open_circuit", "simulated")
+        },
         **{entry: getattr(record, entry) for entry in means},
         plateau_speed_mps=record.plateau_speed,
         rig=record.rig_name,
@@ -133,7 +152,9 @@ def configured_cascade(stages: Iterable[str]) -> Cascade:
 
 
 def cascade_of(runs: Iterable[LogSummary]) -> Cascade:
-    """Cascade of a campaign: that of the paper where no rig file states its stages, else all stages of its logs."""
+    """Cascade of a campaign: that of the paper where no rig file states its stages, else all
+    stages of its logs.
+    """
     return configured_cascade(name for run in runs for name in run.stages or ())
 
 
@@ -141,24 +162,36 @@ def campaign_from(record: Mapping[str, Any]) -> CampaignRecord:
     """Read the record of a campaign that this version wrote."""
     kinds = {True: LogSummary, False: FailedLog}
     runs = tuple(msgspec.convert(run, kinds[run["fault"] is None]) for run in record["runs"])
-    between = tuple((one["run"], msgspec.convert(one, FindingRecord)) for one in record["between_logs"])
+    between = tuple(
+        (one["run"], msgspec.convert(one, FindingRecord)) for one in record["between_logs"]
+    )
     waves = msgspec.convert(record["waves"], CampaignWavesRecord) if "waves" in record else UNSET
     return CampaignRecord(record["title"], record["state"], runs, between, waves)
 
 
 def read_campaign(path: Path) -> CampaignRecord:
-    """Read the record of a campaign that this version wrote, from its file; msgspec.ValidationError for another one."""
+    """Read the record of a campaign that this version wrote, from its file;
+    msgspec.ValidationError for another one.
+    """
     return campaign_from(msgspec.json.decode(path.read_bytes(), type=dict[str, object]))
 
 
 def campaign_json(campaign: CampaignRecord) -> dict[str, object]:
-    """The record of a campaign with what compares its logs: kinds of windows, and the best load or why none is claimed."""
+    """The record of a campaign with what compares its logs: kinds of windows, and the best load
+    or why none is claimed.
+    """
     runs = campaign.reduced
     rules = {rule: len(found) for rule, found in window_rules(runs).items()}
     ranking, eta, best = rank_loads(runs), cascade_of(runs).overall, None
     if ranking.best is not None:
         run, likely = ranking.best.run, ranking.best.likely
-        best = {"load_ohm": run.load_ohm, "run": run.name, "metric": eta, "value": run.mean[eta], "probability": likely}
+        best = {
+            "load_ohm": run.load_ohm,
+            "run": run.name,
+            "metric": eta,
+            "value": run.mean[eta],
+            "probability": likely,
+        }
     return {
         "schema": CAMPAIGN_SCHEMA,
         "version": __version__,
@@ -191,9 +224,7 @@ class CampaignReduction(Viewed, frozen=True):
 
     def __repr__(self) -> str:
         """One line instead of every number."""
-        return (
-            f"CampaignReduction({self.summary.title!r}, {len(self.records)} of {len(self.summary.runs)} runs reduced)"
-        )
+        return f"CampaignReduction({self.summary.title!r}, {len(self.records)} of {len(self.summary.runs)} runs reduced)"
 
     @property
     def faults(self) -> dict[str, str]:
@@ -204,13 +235,18 @@ class CampaignReduction(Viewed, frozen=True):
     def bins(self) -> dict[str, list[dict[str, float]]]:
         """Means of the runs in bins of generator speed that are known, by name and unit."""
         return {
-            name: [{k: x for k, x in item.items() if isinstance(x, float | int)} for item in record.bins]
+            name: [
+                {k: x for k, x in item.items() if isinstance(x, float | int)}
+                for item in record.bins
+            ]
             for name, record in self.records.items()
         }
 
 
 def runs_by_load(runs: Sequence[LogSummary]) -> list[LogSummary]:
-    """Logs in falling order of their loads, as the paper lists them; open circuit first, unknown ones last."""
+    """Logs in falling order of their loads, as the paper lists them; open circuit first, unknown
+    ones last.
+    """
     return sorted(runs, key=lambda run: -(-1.0 if run.load is None else run.load))
 
 
@@ -221,12 +257,15 @@ def rule_of(run: LogSummary) -> str:
 
 def window_rules(runs: Sequence[LogSummary]) -> dict[str, list[LogSummary]]:
     """Logs by the rule of their windows: auto, payout, or a fixed length."""
-    return {rule: [run for run in runs if rule_of(run) == rule] for rule in dict.fromkeys(map(rule_of, runs))}
+    return {
+        rule: [run for run in runs if rule_of(run) == rule]
+        for rule in dict.fromkeys(map(rule_of, runs))
+    }
 
 
 class Best(NamedTuple):
-    """The log of the highest eta_pto, the probability that its load is the best, the best log of the next load, and how many
-    logs the best load has.
+    """The log of the highest eta_pto, the probability that its load is the best, the best log of
+    the next load, and how many logs the best load has.
     """
 
     run: LogSummary
@@ -236,7 +275,9 @@ class Best(NamedTuple):
 
 
 class LoadRanking(NamedTuple):
-    """The best load, or why none is claimed: "" where there is one; and the smallest and largest plateau speed. [m/s]"""
+    """The best load, or why none is claimed: "" where there is one; and the smallest and largest
+    plateau speed. [m/s]
+    """
 
     best: Best | None
     reason: str
@@ -244,10 +285,14 @@ class LoadRanking(NamedTuple):
 
 
 def unlike_motion(runs: Sequence[LogSummary]) -> str:
-    """The plateau speeds of the slowest and the fastest log with a load and what follows, if they differ by more than
-    `SPEED_ALIKE`; else "".
+    """The plateau speeds of the slowest and the fastest log with a load and what follows, if they
+    differ by more than `SPEED_ALIKE`; else "".
     """
-    known = [(run.plateau_speed_mps, run.load_ohm) for run in runs if run.load_ohm and not run.open_circuit]
+    known = [
+        (run.plateau_speed_mps, run.load_ohm)
+        for run in runs
+        if run.load_ohm and not run.open_circuit
+    ]
     ends = sorted((speed, load) for speed, load in known if speed is not None)
     if not ends or ends[-1][0] <= (1.0 + SPEED_ALIKE) * ends[0][0]:
         return ""
@@ -256,14 +301,17 @@ def unlike_motion(runs: Sequence[LogSummary]) -> str:
 
 
 def rank_loads(runs: Sequence[LogSummary]) -> LoadRanking:
-    """The best load of some logs, if their plateau speeds are within `SPEED_ALIKE`; an open circuit is not compared.
+    """The best load of some logs, if their plateau speeds are within `SPEED_ALIKE`; an open circuit
+    is not compared.
 
-    Each mean efficiency of the whole cascade is drawn from a normal distribution with its standard uncertainty, the logs
-    independent of each other: as logs with the same sensors share their errors, the true probability is rather higher. A load
-    is the best where any of its logs is.
+    Each mean efficiency of the whole cascade is drawn from a normal distribution with its standard
+    uncertainty, the logs independent of each other: as logs with the same sensors share their
+    errors, the true probability is rather higher. A load is the best where any of its logs is.
     """
     eta = cascade_of(runs).overall
-    given = [run for run in runs if run.standard_uncertainty.get(eta) and run.mean.get(eta) is not None]
+    given = [
+        run for run in runs if run.standard_uncertainty.get(eta) and run.mean.get(eta) is not None
+    ]
     given = [run for run in given if run.load_ohm is not None and not run.open_circuit]
     speeds = [run.plateau_speed_mps for run in given]
     known = [speed for speed in speeds if speed is not None]
@@ -284,4 +332,6 @@ def rank_loads(runs: Sequence[LogSummary]) -> LoadRanking:
     order = np.argsort(-mean, kind="stable").tolist()
     same = loads == loads[order[0]]
     following = given[next(k for k in order if not same[k])]
-    return LoadRanking(Best(given[order[0]], float(share[same].sum()), following, int(same.sum())), "", ends)
+    return LoadRanking(
+        Best(given[order[0]], float(share[same].sum()), following, int(same.sum())), "", ends
+    )

@@ -1,4 +1,6 @@
-"""Efficiencies from energies, cycle by cycle, their mean over the cycles and the largest deviation from it."""
+"""Efficiencies from energies, cycle by cycle, their mean over the cycles and the largest
+deviation from it.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +26,8 @@ SMALLEST = 1e-300
 """Smallest divisor of floating-point numbers, whatever their unit."""
 
 DELIVERED_IDLE = 0.2
-"""A machine that delivers a smaller share of its energy than this runs as in an open circuit, whatever load is stated: its
-losses decide every ratio. [1]"""
+"""A machine that delivers a smaller share of its energy than this runs as in an open circuit,
+whatever load is stated: its losses decide every ratio. [1]"""
 
 Value = TypeVar("Value")
 
@@ -57,7 +59,9 @@ class Metrics(dict[str, float | None]):
         self.known = known
 
     def __missing__(self, name: str) -> None:
-        """None for a metric that is not listed; OptionError, which names similar ones, for a name that is none of a metric."""
+        """None for a metric that is not listed; OptionError, which names similar ones, for a
+        name that is none of a metric.
+        """
         if name not in ALL_METRICS and name not in self.known:
             from difflib import get_close_matches
 
@@ -80,7 +84,9 @@ class Metrics(dict[str, float | None]):
         return value
 
 
-def named(of: Mapping[str, Value | None], names: Iterable[str] = ALL_METRICS) -> dict[str, Value | None]:
+def named(
+    of: Mapping[str, Value | None], names: Iterable[str] = ALL_METRICS
+) -> dict[str, Value | None]:
     """What there is of some metrics by their names in written files, None for those that have none.
 
     >>> named({"energy_line": 3.0}, ["energy_line", "eta_pto"])
@@ -90,7 +96,8 @@ def named(of: Mapping[str, Value | None], names: Iterable[str] = ALL_METRICS) ->
 
 
 def ratio(out: float | None, into: float | None) -> float | None:
-    """What comes out over what goes in; None if either is unknown or nothing goes in, beside what comes out.
+    """What comes out over what goes in; None if either is unknown or nothing goes in, beside what
+    comes out.
 
     >>> ratio(3.0, 4.0), ratio(1.0, 0.0)
     (0.75, None)
@@ -99,12 +106,15 @@ def ratio(out: float | None, into: float | None) -> float | None:
 
 
 def not_negative(value: float | None) -> float | None:
-    """A ratio of energies, None for one below 0: power flows the other way there, and the ratio is no efficiency."""
+    """A ratio of energies, None for one below 0: power flows the other way there, and the ratio
+    is no efficiency.
+    """
     return None if value is None or value < 0.0 else value
 
 
 def runs_idle(delivered: Sequence[float | None]) -> bool:
-    """Whether a machine runs as in an open circuit, by the share of the energy that it delivers in each cycle, None if unknown.
+    """Whether a machine runs as in an open circuit, by the share of the energy that it delivers in
+    each cycle, None if unknown.
 
     >>> runs_idle([0.1, None, 0.2]), runs_idle([None])
     (True, False)
@@ -127,9 +137,10 @@ def metrics(
     ----------
     energy : energies of the stages over the window by name [J]; other metrics are taken over
     duration : length of the window [s]
-    open_circuit : nothing is delivered, so eta_gen and eta_pto are no efficiencies of the machine; nor is any ratio to an
-        energy of exactly zero, as of a shaft at rest
-    negative : keep ratios below 0 too, which are no efficiencies; one above 1 is a result with an uncertainty
+    open_circuit : nothing is delivered, so eta_gen and eta_pto are no efficiencies of the machine;
+        nor is any ratio to an energy of exactly zero, as of a shaft at rest
+    negative : keep ratios below 0 too, which are no efficiencies; one above 1 is a result with an
+        uncertainty
     """
     values = Metrics(energy, cascade.all_metrics)
     for stage in cascade.names:
@@ -143,8 +154,9 @@ def metrics(
 
 
 class Together(NamedTuple):
-    """Metrics of several cycles together: their means (Eq. 7), those of efficiencies of the ratios of the cycles; the largest
-    deviation of any cycle in percent of the mean, None for fewer than two (Sec. 3.2); and sums, with the ratios of these.
+    """Metrics of several cycles together: their means (Eq. 7), those of efficiencies of the ratios
+    of the cycles; the largest deviation of any cycle in percent of the mean, None for fewer than
+    two (Sec. 3.2); and sums, with the ratios of these.
     """
 
     mean: Metrics
@@ -153,12 +165,17 @@ class Together(NamedTuple):
 
 
 def together(
-    cycles: Sequence[Metrics], duration: float, *, open_circuit: bool = False, cascade: Cascade = PAPER
+    cycles: Sequence[Metrics],
+    duration: float,
+    *,
+    open_circuit: bool = False,
+    cascade: Cascade = PAPER,
 ) -> Together:
     """Take the metrics of the complete cycles of a log together.
 
-    A metric that any cycle cannot give has no mean: one over the rest would not be of the same cycles. Net energies are
-    taken over the cycles that have them, as the last cycle of a log is seldom whole.
+    A metric that any cycle cannot give has no mean: one over the rest would not be of the same
+    cycles. Net energies are taken over the cycles that have them, as the last cycle of a log is
+    seldom whole.
 
     Parameters
     ----------
@@ -172,6 +189,13 @@ def together(
             mean[name] = average
             if len(x) > 1 and average:
                 deviation[name] = 100.0 * max(abs(value - average) for value in x) / abs(average)
-    total = metrics(dict.fromkeys(names) | sums, duration, open_circuit=open_circuit, cascade=cascade)
-    total.update({name: ratio(sums.get(out), sums.get(into)) for name, (out, into) in cascade.net_ratios.items()})
+    total = metrics(
+        dict.fromkeys(names) | sums, duration, open_circuit=open_circuit, cascade=cascade
+    )
+    total.update(
+        {
+            name: ratio(sums.get(out), sums.get(into))
+            for name, (out, into) in cascade.net_ratios.items()
+        }
+    )
     return Together(Metrics(dict.fromkeys(names) | mean, names), Metrics(deviation, names), total)

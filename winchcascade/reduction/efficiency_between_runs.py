@@ -1,9 +1,9 @@
 """Logs of a campaign whose efficiency lies far from that of the others.
 
-The gains of the sensors are common to a campaign, so that they do not separate its logs. Over the loads the losses have known
-forms: in the generator 1 / eta_gen is linear in 1 / R (copper) and R (friction), in the transmission 1 / eta_trans is
-linear in v / P (a constant force) and v^2 / P (drag), with the speed v and the mechanical power P. By these laws the others
-predict a log.
+The gains of the sensors are common to a campaign, so that they do not separate its logs. Over the
+loads the losses have known forms: in the generator 1 / eta_gen is linear in 1 / R (copper) and R
+(friction), in the transmission 1 / eta_trans is linear in v / P (a constant force) and v^2 / P
+(drag), with the speed v and the mechanical power P. By these laws the others predict a log.
 """
 
 from __future__ import annotations
@@ -21,28 +21,35 @@ from winchcascade.reduction.efficiency_changes import ALPHA, PRIOR
 from winchcascade.reduction.reduction_result import Relation
 
 ETA_SCATTER = 0.005
-"""Relative standard deviation of an efficiency about these laws that is assumed before any is measured: the repeatability from
-day to day, and what the laws leave of a real machine."""
+"""Relative standard deviation of an efficiency about these laws that is assumed before any is
+measured: the repeatability from day to day, and what the laws leave of a real machine."""
 
 ETA_DISTANCE_MIN = 0.01
-"""Smallest distance of interest: twice the 0.005 to which an efficiency can be stated at best. [1]"""
+"""Smallest distance of interest: twice the 0.005 to which an efficiency can be stated at best.
+[1]
+"""
 
 MIN_OTHERS = 3
-"""Minimum number of logs for each one that lies far from the others; with more of these the usual value is unclear."""
+"""Minimum number of logs for each one that lies far from the others; with more of these the
+usual value is unclear.
+"""
 
 MAX_TRIED = 30
-"""Maximum number of logs each of which is tried as the one that explains why any lies apart; of more the others outvote it."""
+"""Maximum number of logs each of which is tried as the one that explains why any lies apart; of
+more the others outvote it.
+"""
 
 EXTREME = 1e-6
-"""No log of a campaign has a load that is so small a share of the median one, or so many times it, nor a speed or a power
-that is so small a share of the largest. [1]"""
+"""No log of a campaign has a load that is so small a share of the median one, or so many times it,
+nor a speed or a power that is so small a share of the largest. [1]"""
 
 
 class LogEfficiency(msgspec.Struct, frozen=True):
-    """Efficiencies of a log: means with their standard uncertainties without the gains, load [ohm], speed of the
-    payouts [m/s] and mechanical power [W]. Only logs of one `kind` (rig, window rule, measured or not) are compared. `cycles`
-    has the energies of each complete cycle to six digits, which two cycles share by being the same one alone; `relations` are
-    how its channels follow its motion.
+    """Efficiencies of a log: means with their standard uncertainties without the gains, load [ohm],
+    speed of the payouts [m/s] and mechanical power [W]. Only logs of one `kind` (rig, window rule,
+    measured or not) are compared. `cycles` has the energies of each complete cycle to six digits,
+    which two cycles share by being the same one alone; `relations` are how its channels follow its
+    motion.
     """
 
     name: str
@@ -57,7 +64,9 @@ class LogEfficiency(msgspec.Struct, frozen=True):
 
 
 class Apart(msgspec.Struct, frozen=True):
-    """A log whose efficiency lies apart from what the others let expect; `or_else` names logs that would explain it as well."""
+    """A log whose efficiency lies apart from what the others let expect; `or_else` names logs
+    that would explain it as well.
+    """
 
     name: str
     metric: str
@@ -68,8 +77,9 @@ class Apart(msgspec.Struct, frozen=True):
 
 
 class _Rows(NamedTuple):
-    """Logs that are compared, by the standard deviation of 1 / efficiency, (n,): 1 / efficiency and ln of the speed over it,
-    (n,); terms of the law over it, (n, p); and the share of the losses, (n,).
+    """Logs that are compared, by the standard deviation of 1 / efficiency, (n,): 1 / efficiency and
+    ln of the speed over it, (n,); terms of the law over it, (n, p); and the share of the losses,
+    (n,).
     """
 
     sd: Signal
@@ -80,8 +90,9 @@ class _Rows(NamedTuple):
 
 
 class _Distance(NamedTuple):
-    """A log against the law that the others give: how far 1 / efficiency lies off, and what its speed explains of that; the
-    probability that chance alone separates it so far, and the square by which the others agree better without it.
+    """A log against the law that the others give: how far 1 / efficiency lies off, and what its
+    speed explains of that; the probability that chance alone separates it so far, and the square by
+    which the others agree better without it.
     """
 
     off: float
@@ -91,9 +102,11 @@ class _Distance(NamedTuple):
 
 
 def logs_apart(logs: Sequence[LogEfficiency]) -> list[Apart]:
-    """Find the logs whose efficiency lies far from the others; open circuits, and what no rig has, take no part.
+    """Find the logs whose efficiency lies far from the others; open circuits, and what no rig has,
+    take no part.
 
-    One log at a time is left out and predicted from the others. Significance is that of all these comparisons together.
+    One log at a time is left out and predicted from the others. Significance is that of all these
+    comparisons together.
     """
     finite = [log.load for log in logs if log.load is not None and log.load < math.inf]
     usual = median(np.array(finite)) if finite else math.nan
@@ -106,16 +119,19 @@ def logs_apart(logs: Sequence[LogEfficiency]) -> list[Apart]:
     found: list[Apart] = []
     for metric in tested:
         for kind in dict.fromkeys(log.kind for log in given[metric]):
-            found += _apart(metric, [log for log in given[metric] if log.kind == kind], ALPHA / len(tested))
+            found += _apart(
+                metric, [log for log in given[metric] if log.kind == kind], ALPHA / len(tested)
+            )
     return found
 
 
 def _apart(metric: str, logs: Sequence[LogEfficiency], alpha: float) -> list[Apart]:
-    """The logs of one kind that lie apart with a probability of chance below `alpha`, the furthest first.
+    """The logs of one kind that lie apart with a probability of chance below `alpha`, the furthest
+    first.
 
-    Of the logs that explain alone why any lies apart, the one counts without which the others agree best. That need not be the
-    least probable one: a wrong log spoils the prediction of the log beside it, and its own speed may explain more of its
-    distance.
+    Of the logs that explain alone why any lies apart, the one counts without which the others agree
+    best. That need not be the least probable one: a wrong log spoils the prediction of the log
+    beside it, and its own speed may explain more of its distance.
     """
     logs = [log for log in logs if metric == "eta_trans" or log.load is not None]
     rows, left = _rows(metric, logs), list(range(len(logs)))
@@ -127,16 +143,23 @@ def _apart(metric: str, logs: Sequence[LogEfficiency], alpha: float) -> list[Apa
         tried = left if len(left) <= MAX_TRIED else []
         alone = [k for k in tried if not _significant(rows, [n for n in left if n != k], alpha)]
         apart = {k: _distance(rows, [n for n in left if n != k], k) for k in alone or far}
-        best = max(apart, key=lambda k: round(apart[k].square, 6))  # the first of those that explain it equally well
+        best = max(
+            apart, key=lambda k: round(apart[k].square, 6)
+        )  # the first of those that explain it equally well
         left.remove(best)
-        y, others = float(rows.y[best] * rows.sd[best]), tuple(logs[k].name for k in alone if k != best)
+        y, others = (
+            float(rows.y[best] * rows.sd[best]),
+            tuple(logs[k].name for k in alone if k != best),
+        )
         expected, allowed = 1.0 / (y - apart[best].off), apart[best].allowed / y**2
         found.append(Apart(logs[best].name, metric, 1.0 / y, expected, allowed, others))
     return found
 
 
 def _rows(metric: str, logs: Sequence[LogEfficiency]) -> _Rows | None:
-    """The logs as rows, with as many terms of the law as their loads can determine; None where nothing can be compared."""
+    """The logs as rows, with as many terms of the law as their loads can determine; None where
+    nothing can be compared.
+    """
     eta = np.array([log.eta[metric] for log in logs])
     loads = [log.load for log in logs]
     distinct = len(set(loads)) if None not in loads else len(logs)
@@ -157,17 +180,28 @@ def _rows(metric: str, logs: Sequence[LogEfficiency]) -> _Rows | None:
 
 
 def _significant(rows: _Rows, left: Sequence[int], alpha: float) -> list[int]:
-    """The logs, of those that are left, that lie apart from the others by more than chance allows."""
+    """The logs, of those that are left, that lie apart from the others by more than chance
+    allows.
+    """
     if len(left) <= rows.terms.shape[1]:
         return []
-    return [k for k in left if _distance(rows, [n for n in left if n != k], k).chance * len(left) < alpha]
+    return [
+        k
+        for k in left
+        if _distance(rows, [n for n in left if n != k], k).chance * len(left) < alpha
+    ]
 
 
 def _distance(rows: _Rows, by: Sequence[int], k: int) -> _Distance:
     """Compare a log with what others predict; chance alone where these give no law."""
-    inverse = np.linalg.pinv(rows.terms[by], rcond=EXTREME)  # terms that go together, as at one speed, count once
+    inverse = np.linalg.pinv(
+        rows.terms[by], rcond=EXTREME
+    )  # terms that go together, as at one speed, count once
     weights = rows.terms[k] @ inverse
-    known = np.abs(weights @ rows.terms[by] - rows.terms[k]).max() <= EXTREME * np.abs(rows.terms[k]).max()
+    known = (
+        np.abs(weights @ rows.terms[by] - rows.terms[k]).max()
+        <= EXTREME * np.abs(rows.terms[k]).max()
+    )
     off, moved = (float(x[k] - weights @ x[by]) for x in (rows.y, rows.ln_v))
     allowed = float(rows.lost[k] * abs(moved) * rows.y[k] * rows.sd[k])
     beyond, variance = max(abs(off) - allowed, 0.0), 1.0 + float(weights @ weights)
@@ -180,4 +214,9 @@ def _distance(rows: _Rows, by: Sequence[int], k: int) -> _Distance:
         from scipy.special import fdtrc
 
         chance = float(fdtrc(1, freedom, f))
-    return _Distance(off * float(rows.sd[k]), allowed * float(rows.sd[k]), chance, off**2 / variance if known else 0.0)
+    return _Distance(
+        off * float(rows.sd[k]),
+        allowed * float(rows.sd[k]),
+        chance,
+        off**2 / variance if known else 0.0,
+    )

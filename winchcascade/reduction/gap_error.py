@@ -12,33 +12,44 @@ from winchcascade.core.rig_file import Rig, Thresholds
 from winchcascade.core.run import CLOCK, Run, Signal
 
 INSTANT_REACH = 0.5
-"""A gap of the velocity this close to an instant moves it, as a share of the width that smooths the velocity. [1]"""
+"""A gap of the velocity this close to an instant moves it, as a share of the width that smooths
+the velocity. [1]
+"""
 
 SLOPE_LENGTH_MIN = 1 / 3
 """Slopes beside a gap are taken over at least this share of that width. [1]"""
 
 TOUCH = 1e-7
-"""Share of a sampling interval by which a window that ends where a gap begins touches it: the gap is why it ends there. [1]"""
+"""Share of a sampling interval by which a window that ends where a gap begins touches it: the
+gap is why it ends there. [1]
+"""
 
 SLOPE_MIN = 0.02
-"""Smallest acceleration with which a velocity passes a level, as a share of the onset speed over the width that smooths it; a
-gap moves an instant by no more than its own length. [1]"""
+"""Smallest acceleration with which a velocity passes a level, as a share of the onset speed over
+the width that smooths it; a gap moves an instant by no more than its own length. [1]"""
 
 OF_PHASE = 0.05
-"""Largest share of a phase that one bridge may replace: what is drawn there is no measurement. [1]"""
+"""Largest share of a phase that one bridge may replace: what is drawn there is no measurement.
+[1]
+"""
 
 WHOLE_RECORD, WHOLE_ENERGY = 0.01, 0.05
-"""Shares of a whole record that a gap in it may last, and of its energy that bridging may change: it has no neighbours that
-could take its place, and its uncertainty contains what bridging may change. [1]"""
+"""Shares of a whole record that a gap in it may last, and of its energy that bridging may change:
+it has no neighbours that could take its place, and its uncertainty contains what bridging may
+change. [1]"""
 
 
 def gap_limits(run: Run, rig: Rig) -> Thresholds:
-    """Thresholds of a rig with the longest gap and the largest change of an energy that are bridged in a log."""
+    """Thresholds of a rig with the longest gap and the largest change of an energy that are
+    bridged in a log.
+    """
     limits = rig.thresholds
     if rig.phases.source != "whole":
         return limits
     longest = max(limits.gap_max, WHOLE_RECORD * float(run.t[-1] - run.t[0]))
-    return msgspec.structs.replace(limits, gap_max=longest, gap_energy_max=max(limits.gap_energy_max, WHOLE_ENERGY))
+    return msgspec.structs.replace(
+        limits, gap_max=longest, gap_energy_max=max(limits.gap_energy_max, WHOLE_ENERGY)
+    )
 
 
 def all_gaps(run: Run, channels: Sequence[str]) -> Signal:
@@ -50,15 +61,18 @@ def all_gaps(run: Run, channels: Sequence[str]) -> Signal:
 
 def gaps_of(run: Run, channels: Sequence[str]) -> Signal:
     """Gaps that touch any of the channels, (k, 2) in order of time [s]."""
-    return np.asarray(np.clip(all_gaps(run, channels) + np.array([-TOUCH, TOUCH]) / run.fs, run.t[0], run.t[-1]))
+    return np.asarray(
+        np.clip(all_gaps(run, channels) + np.array([-TOUCH, TOUCH]) / run.fs, run.t[0], run.t[-1])
+    )
 
 
 def bridging_error(t: Signal, x: Signal, gaps: Signal, smoothing: float) -> Signal:
-    """What a straight line over each gap may miss of the integral of x, (k,) in the unit of x times seconds.
+    """What a straight line over each gap may miss of the integral of x, (k,) in the unit of x times
+    seconds.
 
-    The largest of what the same line would miss if the gap lay just before or just after, where the data are known, and
-    of what a kink or a jump inside would hide: the area between the line and those that go on from either side, to where these
-    meet.
+    The largest of what the same line would miss if the gap lay just before or just after, where the
+    data are known, and of what a kink or a jump inside would hide: the area between the line and
+    those that go on from either side, to where these meet.
 
     Parameters
     ----------
@@ -84,8 +98,11 @@ def bridging_error(t: Signal, x: Signal, gaps: Signal, smoothing: float) -> Sign
     return np.asarray(error)
 
 
-def energy_error(t: Signal, watts: Signal, gaps: Signal, spans: Signal, moved: Signal, smoothing: float) -> Signal:
-    """What gaps could change of the energy in each span, (k,) [J]: by bridging, and by the moved end of the span.
+def energy_error(
+    t: Signal, watts: Signal, gaps: Signal, spans: Signal, moved: Signal, smoothing: float
+) -> Signal:
+    """What gaps could change of the energy in each span, (k,) [J]: by bridging, and by the moved
+    end of the span.
 
     Parameters
     ----------
@@ -99,12 +116,16 @@ def energy_error(t: Signal, watts: Signal, gaps: Signal, spans: Signal, moved: S
     )  # gaps err independently of each other
     first = np.searchsorted(np.maximum.accumulate(gaps[:, 1]), spans[:, 0], side="right")
     last = np.maximum(np.searchsorted(gaps[:, 0], spans[:, 1], side="left"), first)
-    error: Signal = np.sqrt((moved * np.interp(spans[:, 1], t, watts)) ** 2 + square[last] - square[first])
+    error: Signal = np.sqrt(
+        (moved * np.interp(spans[:, 1], t, watts)) ** 2 + square[last] - square[first]
+    )
     return error
 
 
 def instant_error(run: Run, v_smooth: Signal, instants: Signal, thresholds: Thresholds) -> Signal:
-    """What gaps of the velocity may move the instants at which it passes a level, (k,) in rising order [s]."""
+    """What gaps of the velocity may move the instants at which it passes a level, (k,) in rising
+    order [s].
+    """
     moved, reach = np.zeros(len(instants)), INSTANT_REACH * thresholds.smoothing
     least = SLOPE_MIN * thresholds.v_onset / thresholds.smoothing
     if "velocity" not in run.channels:
@@ -117,7 +138,8 @@ def instant_error(run: Run, v_smooth: Signal, instants: Signal, thresholds: Thre
     half = np.maximum(width, reach)
     before, after = np.interp([at - half, at + half], run.t, v_smooth)
     slope = np.maximum((after - before) / (2.0 * half), least)
-    # Weight of the smoothing quadratic over its mean, by the distance in its half widths (Savitzky and Golay 1964).
+    # Weight of the smoothing quadratic over its mean, by the distance in its half widths (Savitzky
+    # and Golay 1964).
     distance = np.maximum(np.maximum(gaps[:, 0] - at, at - gaps[:, 1]), 0.0) / reach
     weight = np.abs(9.0 / 4.0 - 15.0 / 4.0 * distance**2)
     metres = bridging_error(run.t, run.channels["velocity"], gaps, thresholds.smoothing)

@@ -47,13 +47,20 @@ def lags_between(logs: Mapping[str, Sequence[Relation]]) -> Iterator[LagBetween]
     """
     kinds = dict.fromkeys((r.y, r.x, r.law) for relations in logs.values() for r in relations)
     for kind in kinds:
-        known = {name: r for name, relations in logs.items() for r in relations if (r.y, r.x, r.law) == kind}
+        known = {
+            name: r
+            for name, relations in logs.items()
+            for r in relations
+            if (r.y, r.x, r.law) == kind
+        }
         best = min(r.u_law for r in known.values())
         known = {name: r for name, r in known.items() if r.u_law <= KNOWN * best}
         if len(known) < LOGS_MIN:
             continue
         lags = np.array([r.lag for r in known.values()])
-        own = np.array([max(r.u**2 - r.u_law**2, (OF_LEAST * r.u_law) ** 2) for r in known.values()])
+        own = np.array(
+            [max(r.u**2 - r.u_law**2, (OF_LEAST * r.u_law) ** 2) for r in known.values()]
+        )
         of_mean = float(1.0 / np.sqrt(np.sum(1.0 / own)))
         usual, first = median(lags), next(iter(known.values()))
         shared = math.hypot(of_mean, best)

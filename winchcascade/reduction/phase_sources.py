@@ -1,8 +1,9 @@
 """Cycles of a log by each source that a rig file may name under [phases].
 
-A cycle of a motion has payout, hold and haul-in. Each cycle of another source is one span, over which energies are integrated:
-its window. A wave is cut into its positive half, the payout, and its negative half, the haul-in. A step is a steady operating
-point of a dynamometer, in which speed and torque stay within a band.
+A cycle of a motion has payout, hold and haul-in. Each cycle of another source is one span, over
+which energies are integrated: its window. A wave is cut into its positive half, the payout, and its
+negative half, the haul-in. A step is a steady operating point of a dynamometer, in which speed and
+torque stay within a band.
 """
 
 from __future__ import annotations
@@ -26,32 +27,44 @@ BESIDE_GAP = 1e-5
 """Time between a gap and a span that does not touch it, as a share of a sampling interval. [1]"""
 
 MIN_STRETCH = 2.0
-"""Minimum length of a stretch between two gaps, in sampling intervals; shorter ones are left out."""
+"""Minimum length of a stretch between two gaps, in sampling intervals; shorter ones are left
+out.
+"""
 
 BLOCKS_OF_STEP = 8
-"""Number of blocks in the shortest step: noise of torque averages out in each, and a step begins in time to an eighth."""
+"""Number of blocks in the shortest step: noise of torque averages out in each, and a step begins
+in time to an eighth.
+"""
 
 STEP_NOISE = 5.0
-"""Widening of a band: range of a few dozen block means that scatter by noise alone, in their standard deviations."""
+"""Widening of a band: range of a few dozen block means that scatter by noise alone, in their
+standard deviations.
+"""
 
 MIN_NOISY_CHANGES = 20
 """Fewer changes show no noise."""
 
 WIDTH_QUANTILE = 0.99
-"""Quantile of |speed| and |torque| whose share is the width of a band: a single peak does not widen it. [1]"""
+"""Quantile of |speed| and |torque| whose share is the width of a band: a single peak does not
+widen it. [1]
+"""
 
 
 class Motion(msgspec.Struct, frozen=True):
-    """A smoothed motion, (n,), and the thresholds of its detection, in the same unit: m/s and m, or rad/s and rad."""
+    """A smoothed motion, (n,), and the thresholds of its detection, in the same unit: m/s and m,
+    or rad/s and rad.
+    """
 
     v_smooth: Signal
     thresholds: Thresholds
 
 
 def find_cycles(run: Run, rig: Rig) -> tuple[list[Cycle], Signal]:
-    """Find the cycles of a log by the source that its rig names, in order of time, and the smoothed motion, (n,).
+    """Find the cycles of a log by the source that its rig names, in order of time, and the smoothed
+    motion, (n,).
 
-    The motion is a line velocity [m/s]; where that is unknown, the speed of the shaft [rad/s], or zero without a motion.
+    The motion is a line velocity [m/s]; where that is unknown, the speed of the shaft [rad/s], or
+    zero without a motion.
 
     Raises
     ------
@@ -62,7 +75,8 @@ def find_cycles(run: Run, rig: Rig) -> tuple[list[Cycle], Signal]:
     source, needed = rule.source, _NEEDED.get(rule.source, ())
     if needed and run.channels.keys().isdisjoint(needed):
         raise LogError(
-            f"{run.name}: [phases] of the rig finds cycles in {' or '.join(needed)}, which the log has not; name its column "
+            f"{run.name}: [phases] of the rig finds cycles in {' or '.join(needed)}, which the "
+            f"log has not; name its column "
             "under [columns], or another source under [phases]."
         )
     if source == "displacement":
@@ -70,7 +84,9 @@ def find_cycles(run: Run, rig: Rig) -> tuple[list[Cycle], Signal]:
         return detect(run, slope, limits), slope
     if source == "speed":
         motion = _of_shaft(run, rig)
-        alone = replace(run, channels={name: x for name, x in run.channels.items() if name != "displacement"})
+        alone = replace(
+            run, channels={name: x for name, x in run.channels.items() if name != "displacement"}
+        )
         return detect(alone, motion.v_smooth, motion.thresholds), motion.v_smooth
     if source == "velocity":  # without one, the message about no cycles names another source
         v = smoothed_velocity(run, limits) if "velocity" in run.channels else np.zeros(t.size)
@@ -83,10 +99,17 @@ def find_cycles(run: Run, rig: Rig) -> tuple[list[Cycle], Signal]:
     if source == "column":
         return labelled_cycles(run, rule.column), motion.v_smooth
     spans = _spans(run, rig)
-    return [Cycle(a, b, None, None, begins_inside=False, ends_inside=False) for a, b in spans], motion.v_smooth
+    return [
+        Cycle(a, b, None, None, begins_inside=False, ends_inside=False) for a, b in spans
+    ], motion.v_smooth
 
 
-_NEEDED = {"displacement": ("displacement",), "speed": ("speed",), "steps": ("speed",), "waves": ("velocity", "speed")}
+_NEEDED = {
+    "displacement": ("displacement",),
+    "speed": ("speed",),
+    "steps": ("speed",),
+    "waves": ("velocity", "speed"),
+}
 """Channels of which a source needs one."""
 
 
@@ -98,7 +121,9 @@ def smoothed_motion(run: Run, rig: Rig) -> Motion | None:
 
 
 def _of_shaft(run: Run, rig: Rig) -> Motion:
-    """Speed of the shaft as a motion: of the line where the radius of the drum is known, else in radians."""
+    """Speed of the shaft as a motion: of the line where the radius of the drum is known, else in
+    radians.
+    """
     omega = local_quadratic(run.t, run.channels["speed"], rig.thresholds.smoothing)
     if rig.r_drum is not None:
         return Motion(omega * rig.r_drum, rig.thresholds)
@@ -109,8 +134,8 @@ def _of_shaft(run: Run, rig: Rig) -> Motion:
 def _spans(run: Run, rig: Rig) -> list[tuple[float, float]]:
     """Begin and end of each span of the sources `ranges`, `rows` and `whole`. [s]
 
-    A row of a table of step means was written as two samples of one value by the reader. A whole record is cut by gaps that
-    are too long to bridge.
+    A row of a table of step means was written as two samples of one value by the reader. A whole
+    record is cut by gaps that are too long to bridge.
     """
     begin, end, ranges = float(run.t[0]), float(run.t[-1]), sorted(rig.phases.ranges)
     if rig.phases.source == "rows":
@@ -126,18 +151,22 @@ def _spans(run: Run, rig: Rig) -> list[tuple[float, float]]:
     if not ranges or ranges[0][0] < begin or ranges[-1][1] > end or not apart:
         given = ", ".join(f"{a:g} to {b:g} s" for a, b in ranges) or "none is given"
         raise OptionError(
-            f"{run.name}: cycles by ranges of time: {given}; expected ranges apart from each other, within the log from "
-            f"{begin:.2f} to {end:.2f} s. Give them as ranges_s = [[begin, end], ...] in its entry of campaign.toml, or under "
+            f"{run.name}: cycles by ranges of time: {given}; expected ranges apart from each "
+            f"other, within the log from "
+            f"{begin:.2f} to {end:.2f} s. Give them as ranges_s = [[begin, end], ...] in its "
+            f"entry of campaign.toml, or under "
             "[phases] of the rig file."
         )
     return ranges
 
 
 def labelled_cycles(run: Run, column: str) -> list[Cycle]:
-    """Cycles of a log whose samples are labelled; each begins with a payout, other labels between are its hold.
+    """Cycles of a log whose samples are labelled; each begins with a payout, other labels between
+    are its hold.
 
-    A phase lasts from its first sample to the first sample of the next one. The haul-in that follows a payout is that of its
-    cycle; several stretches of one phase with other labels between them are one.
+    A phase lasts from its first sample to the first sample of the next one. The haul-in that
+    follows a payout is that of its cycle; several stretches of one phase with other labels between
+    them are one.
 
     Parameters
     ----------
@@ -150,7 +179,8 @@ def labelled_cycles(run: Run, column: str) -> list[Cycle]:
     t, labels = run.t, run.labels
     if labels is None:
         raise LogError(
-            f"{run.name}: was read without the column {column!r} of its phases; read it with the same rig file."
+            f"{run.name}: was read without the column {column!r} of its phases; read it with the "
+            f"same rig file."
         )
     named = np.flatnonzero(labels)
     if named.size == 0:
@@ -163,15 +193,20 @@ def labelled_cycles(run: Run, column: str) -> list[Cycle]:
         haul_in = (begin[k + 1], end[k + 1]) if k + 1 < first.size else None
         cut = bool(last[k] == t.size - 1)
         hold = None if cut else (end[k], float(t[-1]) if haul_in is None else haul_in[0])
-        cycles.append(Cycle(begin[k], end[k], hold, haul_in, begins_inside=bool(first[k] == 0), ends_inside=cut))
+        cycles.append(
+            Cycle(
+                begin[k], end[k], hold, haul_in, begins_inside=bool(first[k] == 0), ends_inside=cut
+            )
+        )
     return cycles
 
 
 def find_waves(t: Signal, v_smooth: Signal, v_onset: float) -> list[Cycle]:
     """Find the waves of a motion: the payout is the positive half, the haul-in the negative one.
 
-    Both halves go beyond `v_onset`; what lies between is noise or rest and belongs to no half of its own. A half that the
-    begin of the log cuts, and one without an upward zero crossing at its end, are part of no wave.
+    Both halves go beyond `v_onset`; what lies between is noise or rest and belongs to no half of
+    its own. A half that the begin of the log cuts, and one without an upward zero crossing at its
+    end, are part of no wave.
 
     Parameters
     ----------
@@ -203,7 +238,9 @@ def find_waves(t: Signal, v_smooth: Signal, v_onset: float) -> list[Cycle]:
     before, after = v_smooth[rows - 1], v_smooth[rows]
     instants = t[rows - 1] - before / (after - before) * (t[rows] - t[rows - 1])
     return [
-        Cycle(onset, middle, (middle, middle), (middle, rest), begins_inside=False, ends_inside=False)
+        Cycle(
+            onset, middle, (middle, middle), (middle, rest), begins_inside=False, ends_inside=False
+        )
         for onset, middle, rest in instants.T.tolist()
     ]
 
@@ -211,9 +248,10 @@ def find_waves(t: Signal, v_smooth: Signal, v_onset: float) -> list[Cycle]:
 def find_steps(run: Run, rule: PhaseRule, gap_max: float) -> list[Cycle]:
     """Find the steady operating points of a run in order of time; its settling is left out of each.
 
-    Speed, and torque where it is logged, are averaged over blocks of an eighth of the shortest step. A step is the longest
-    stretch of blocks from its first one on that stay within both bands; blocks of the settling before it, which still lie
-    within the bands, do not make it shorter. It is none where the shaft rests.
+    Speed, and torque where it is logged, are averaged over blocks of an eighth of the shortest
+    step. A step is the longest stretch of blocks from its first one on that stay within both bands;
+    blocks of the settling before it, which still lie within the bands, do not make it shorter. It
+    is none where the shaft rests.
 
     Parameters
     ----------
@@ -230,8 +268,14 @@ def find_steps(run: Run, rule: PhaseRule, gap_max: float) -> list[Cycle]:
         x = run.channels[name]
         change = np.diff(x)
         change = change[change != 0.0]
-        noise = GAUSS * median(np.abs(change - median(change))) if change.size >= MIN_NOISY_CHANGES else 0.0
-        widths.append(share * quantile(np.abs(x), WIDTH_QUANTILE) + STEP_NOISE * noise / math.sqrt(2.0 * rows))
+        noise = (
+            GAUSS * median(np.abs(change - median(change)))
+            if change.size >= MIN_NOISY_CHANGES
+            else 0.0
+        )
+        widths.append(
+            share * quantile(np.abs(x), WIDTH_QUANTILE) + STEP_NOISE * noise / math.sqrt(2.0 * rows)
+        )
     gaps = all_gaps(run, names)
     after = np.searchsorted(t, gaps[gaps[:, 1] - gaps[:, 0] > gap_max, 1])
     unusable = np.abs(means[0]) <= rule.omega_onset
@@ -247,7 +291,16 @@ def find_steps(run: Run, rule: PhaseRule, gap_max: float) -> list[Cycle]:
                 k, stop = other, end
         first, last = int(np.searchsorted(t, t[at[k]] + rule.settle)), int(at[stop]) - 1
         if not unusable[k] and first < last and t[last] - t[first] >= rule.step_min:
-            found.append(Cycle(float(t[first]), float(t[last]), None, None, begins_inside=False, ends_inside=False))
+            found.append(
+                Cycle(
+                    float(t[first]),
+                    float(t[last]),
+                    None,
+                    None,
+                    begins_inside=False,
+                    ends_inside=False,
+                )
+            )
             k = stop
         else:
             k += 1

@@ -25,7 +25,9 @@ WRITTEN = {
 
 
 class PlateauSummary(msgspec.Struct, frozen=True, rename=WRITTEN):
-    """Time means from the plateau's beginning to the start of braking; SI units, None for what is not measured."""
+    """Time means from the plateau's beginning to the start of braking; SI units, None for what
+    is not measured.
+    """
 
     begin: float
     braking: float
@@ -38,7 +40,9 @@ class PlateauSummary(msgspec.Struct, frozen=True, rename=WRITTEN):
 
 
 class PayoutSummary(msgspec.Struct, frozen=True, rename=WRITTEN):
-    """Payout: duration [s], travel [m], top speed of the smoothed velocity [m/s], and its plateau if it has one."""
+    """Payout: duration [s], travel [m], top speed of the smoothed velocity [m/s], and its
+    plateau if it has one.
+    """
 
     duration: float
     travel: float | None
@@ -47,7 +51,9 @@ class PayoutSummary(msgspec.Struct, frozen=True, rename=WRITTEN):
 
 
 class HoldSummary(msgspec.Struct, frozen=True, rename=WRITTEN):
-    """Hold: duration [s] and time means of force [N], torque [N m] and gauge pressure, in the unit of the files [kg/cm2]."""
+    """Hold: duration [s] and time means of force [N], torque [N m] and gauge pressure, in the
+    unit of the files [kg/cm2].
+    """
 
     duration: float
     force: float | None
@@ -56,7 +62,9 @@ class HoldSummary(msgspec.Struct, frozen=True, rename=WRITTEN):
 
 
 class HaulInSummary(msgspec.Struct, frozen=True, rename=WRITTEN):
-    """Haul-in: duration [s], top speed as a magnitude [m/s], mean and minimum force [N], line energy, negative [J]."""
+    """Haul-in: duration [s], top speed as a magnitude [m/s], mean and minimum force [N], line
+    energy, negative [J].
+    """
 
     duration: float
     speed_max: float | None
@@ -66,14 +74,18 @@ class HaulInSummary(msgspec.Struct, frozen=True, rename=WRITTEN):
 
 
 class OperatingPoint(msgspec.Struct, frozen=True, rename=WRITTEN):
-    """Time means over a cycle that is a span: speed of the shaft [rpm] and torque [N m], None for what is not measured."""
+    """Time means over a cycle that is a span: speed of the shaft [rpm] and torque [N m], None
+    for what is not measured.
+    """
 
     rpm_shaft: float | None
     torque: float | None
 
 
 class BothWays(msgspec.Struct, frozen=True, rename=WRITTEN):
-    """Energies of one stage in a whole cycle while its power is positive, and while it is negative, which are negative. [J]"""
+    """Energies of one stage in a whole cycle while its power is positive, and while it is
+    negative, which are negative. [J]
+    """
 
     positive: float
     negative: float
@@ -82,8 +94,9 @@ class BothWays(msgspec.Struct, frozen=True, rename=WRITTEN):
 class PhaseSummary(msgspec.Struct, frozen=True):
     """The three phases of one cycle; None for one that the log does not hold.
 
-    `point` belongs to cycles that are spans, as operating points of a dynamometer or waves, `both_ways`, by stage, to these and
-    to cycles of a rig file that states its stages; they are unset for others.
+    `point` belongs to cycles that are spans, as operating points of a dynamometer or waves,
+    `both_ways`, by stage, to these and to cycles of a rig file that states its stages; they are
+    unset for others.
     """
 
     payout: PayoutSummary
@@ -101,17 +114,25 @@ def mean_plateau_speed(payouts: Iterable[PayoutSummary]) -> float | None:
 
 
 def summarise(phased: PhasedRun) -> list[PhaseSummary]:
-    """Summarise the phases of every cycle; lengths are rounded to the error of the subtraction of stamps."""
+    """Summarise the phases of every cycle; lengths are rounded to the error of the subtraction
+    of stamps.
+    """
     run, cycles, known = phased.run, phased.cycles, "velocity" in phased.run.channels
     flat = [None if p is None else (p.begin, max(p.braking, p.begin)) for p in phased.plateaus]
     phases = flat, [c.hold for c in cycles], [c.haul_in for c in cycles]
     nowhere = [(c.onset, c.onset) for c in cycles]
-    spans = np.array([span or at for of in phases for span, at in zip(of, nowhere, strict=True)]).reshape(-1, 2)
+    spans = np.array(
+        [span or at for of in phases for span, at in zip(of, nowhere, strict=True)]
+    ).reshape(-1, 2)
     powers = [f"power_{stage}" for stage in PAPER.names]
     means = _means(phased, ["velocity", "force", "torque", "pressure", *powers], spans)
     hauls = spans[2 * len(cycles) :]
     top = (-extremes(run.t, phased.v_smooth, hauls)[0]).tolist()
-    minimum = extremes(run.t, run.channels["force"], hauls)[0].tolist() if "force" in run.channels else None
+    minimum = (
+        extremes(run.t, run.channels["force"], hauls)[0].tolist()
+        if "force" in run.channels
+        else None
+    )
     line = BUILT_IN["line"].stream(run.channels, None)
     energy = None if line is None else integrals(run.t, line, hauls).tolist()
     points: list[OperatingPoint | UnsetType] = [UNSET] * len(cycles)
@@ -130,11 +151,17 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
             plateau = PlateauSummary(begin, braking, speed, *of_channels)
         if c.hold is not None:
             pressure = None if held["pressure"] is None else held["pressure"] / KGCM2
-            hold = HoldSummary(round(c.hold[1] - c.hold[0], 9), held["force"], held["torque"], pressure)
+            hold = HoldSummary(
+                round(c.hold[1] - c.hold[0], 9), held["force"], held["torque"], pressure
+            )
         if c.haul_in is not None:
             lowest, joules = (None if of is None else of[k] for of in (minimum, energy))
             haul_in = HaulInSummary(
-                round(c.haul_in[1] - c.haul_in[0], 9), top[k] if known else None, hauled["force"], lowest, joules
+                round(c.haul_in[1] - c.haul_in[0], 9),
+                top[k] if known else None,
+                hauled["force"],
+                lowest,
+                joules,
             )
         travel = phased.travel[k] if math.isfinite(phased.travel[k]) else None
         speed_max = phased.speed_max[k] if known else None
@@ -144,7 +171,9 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
 
 
 def _both_ways(phased: PhasedRun) -> Sequence[dict[str, BothWays] | UnsetType]:
-    """Energies of the stages of each whole cycle by the sign of the power; unset for payouts and the stages of the paper."""
+    """Energies of the stages of each whole cycle by the sign of the power; unset for payouts and
+    the stages of the paper.
+    """
     run, rig = phased.run, phased.rig
     if rig.phases.by_motion and not rig.cascade.configured:
         return [UNSET] * len(phased.cycles)
@@ -153,17 +182,31 @@ def _both_ways(phased: PhasedRun) -> Sequence[dict[str, BothWays] | UnsetType]:
         watts = stage.watts(run.channels, rig.r_drum)
         if watts is not None:
             sides = [side.__getitem__ for side in (np.maximum(watts, 0.0), np.minimum(watts, 0.0))]
-            for cycle, both in zip(found, integrals_of(run.t, sides, whole_cycles(phased)).T.tolist(), strict=True):
+            for cycle, both in zip(
+                found, integrals_of(run.t, sides, whole_cycles(phased)).T.tolist(), strict=True
+            ):
                 cycle[stage.name] = BothWays(*both)
     return found
 
 
-def _means(phased: PhasedRun, names: Sequence[str], windows: Signal) -> list[dict[str, float | None]]:
-    """Time means of channels and powers in each window by name; None for what is not measured and for a mean over no time."""
+def _means(
+    phased: PhasedRun, names: Sequence[str], windows: Signal
+) -> list[dict[str, float | None]]:
+    """Time means of channels and powers in each window by name; None for what is not measured
+    and for a mean over no time.
+    """
     run, cascade = phased.run, phased.rig.cascade
-    powers = {f"power_{stage.name}": stage.stream(run.channels, phased.rig.r_drum) for stage in cascade.stages}
-    streams = {name: x.__getitem__ for name, x in run.channels.items()} | {k: x for k, x in powers.items() if x}
+    powers = {
+        f"power_{stage.name}": stage.stream(run.channels, phased.rig.r_drum)
+        for stage in cascade.stages
+    }
+    streams = {name: x.__getitem__ for name, x in run.channels.items()} | {
+        k: x for k, x in powers.items() if x
+    }
     known = [name for name in names if name in streams]
     rows = means_of(run.t, [streams[name] for name in known], windows).T.tolist()
     nothing: dict[str, float | None] = dict.fromkeys(names)
-    return [nothing | {name: x for name, x in zip(known, row, strict=True) if math.isfinite(x)} for row in rows]
+    return [
+        nothing | {name: x for name, x in zip(known, row, strict=True) if math.isfinite(x)}
+        for row in rows
+    ]

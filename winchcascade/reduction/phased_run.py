@@ -1,4 +1,6 @@
-"""A run whose phases are known: cycles, plateaus and payouts by the rules of the rig, and the integration windows of these."""
+"""A run whose phases are known: cycles, plateaus and payouts by the rules of the rig, and the
+integration windows of these.
+"""
 
 from __future__ import annotations
 
@@ -18,18 +20,26 @@ from winchcascade.reduction.phase_sources import find_cycles
 from winchcascade.reduction.phases import Cycle, Plateau, check_cycles, find_plateau
 
 MAX_CYCLES = 12
-"""Maximum number of cycles that are checked: an even selection of those of a longer log. Faults of a sensor concern all."""
+"""Maximum number of cycles that are checked: an even selection of those of a longer log. Faults
+of a sensor concern all.
+"""
 
 
 SHORTEST = 2.0
-"""Minimum length of a window in sampling intervals: its ends are interpolated, and fewer samples would be only ends."""
+"""Minimum length of a window in sampling intervals: its ends are interpolated, and fewer samples
+would be only ends.
+"""
 
 TOP_OF_PLATEAU = 1.03
-"""A payout cut by the end of the log has reached its plateau if its top speed exceeds the plateau's by no more than this."""
+"""A payout cut by the end of the log has reached its plateau if its top speed exceeds the
+plateau's by no more than this.
+"""
 
 
 class Window(msgspec.Struct, frozen=True):
-    """Integration window of one payout [s], and why it does not lie whole in the payout, where it does not."""
+    """Integration window of one payout [s], and why it does not lie whole in the payout, where
+    it does not.
+    """
 
     onset: float
     cutoff: float
@@ -42,10 +52,12 @@ class PhasedRun(msgspec.Struct, frozen=True):
     Parameters
     ----------
     rule : of the windows; `payout` where cycles are spans that are found in no motion
-    v_smooth : (n,) line velocity, smoothed [m/s]; speed of the shaft [rad/s] or zero where that is unknown
+    v_smooth : (n,) line velocity, smoothed [m/s]; speed of the shaft [rad/s] or zero where that is
+        unknown
     first : number of the first cycle that counts
     next_onset : of the payout that follows the last of the cycles [s], None if there is none
-    plateaus, travel, speed_max : of each payout: its plateau, its travel [m] and its top smoothed speed [m/s]
+    plateaus, travel, speed_max : of each payout: its plateau, its travel [m] and its top smoothed
+        speed [m/s]
     """
 
     run: Run
@@ -62,7 +74,11 @@ class PhasedRun(msgspec.Struct, frozen=True):
     def chosen(self) -> list[int]:
         """Indices of the cycles that are checked."""
         n = len(self.cycles)
-        return list(range(n)) if n <= MAX_CYCLES else np.linspace(0, n - 1, MAX_CYCLES).round().astype(int).tolist()
+        return (
+            list(range(n))
+            if n <= MAX_CYCLES
+            else np.linspace(0, n - 1, MAX_CYCLES).round().astype(int).tolist()
+        )
 
     def rows(self, start: float, end: float) -> slice:
         """Rows of the log from one instant to another."""
@@ -70,15 +86,21 @@ class PhasedRun(msgspec.Struct, frozen=True):
         return slice(int(t.searchsorted(start)), int(t.searchsorted(end)))
 
     def u_gain(self, channel: str) -> float:
-        """Standard uncertainty of a sensor's gain by its stated accuracy, 0 where none is stated. [1]"""
+        """Standard uncertainty of a sensor's gain by its stated accuracy, 0 where none is
+        stated. [1]
+        """
         return part_uncertainty(self.rig.sensors.get(channel), "gain")
 
     def u_zero(self, channel: str) -> float:
-        """Standard uncertainty of a sensor's zero, 0 where none is stated. [SI unit of the channel]"""
+        """Standard uncertainty of a sensor's zero, 0 where none is stated. [SI unit of the
+        channel]
+        """
         return part_uncertainty(self.rig.sensors.get(channel), "zero")
 
 
-def find_phases(run: Run, rig: Rig, rule: WindowRule, cycles: tuple[int, int] | None = None) -> PhasedRun:
+def find_phases(
+    run: Run, rig: Rig, rule: WindowRule, cycles: tuple[int, int] | None = None
+) -> PhasedRun:
     """Find the cycles of a run and what their payouts were like.
 
     Parameters
@@ -106,18 +128,22 @@ def find_phases(run: Run, rig: Rig, rule: WindowRule, cycles: tuple[int, int] | 
         first=first,
         cycles=counted,
         next_onset=following[0].onset if following else None,
-        plateaus=[find_plateau(run.t, v_smooth, c, rig.thresholds) if by_motion else None for c in counted],
+        plateaus=[
+            find_plateau(run.t, v_smooth, c, rig.thresholds) if by_motion else None for c in counted
+        ],
         travel=travel_in(run, payouts),
         speed_max=extremes(run.t, v_smooth, payouts)[1].tolist(),
     )
 
 
 def travel_in(run: Run, spans: Signal) -> list[float]:
-    """Net travel of the line in each span, (k, 2) [s], from the displacement, else the integral of the velocity; NaN where
-    both are unknown. [m]
+    """Net travel of the line in each span, (k, 2) [s], from the displacement, else the integral of
+    the velocity; NaN where both are unknown. [m]
     """
     if "displacement" in run.channels:
-        travel: Signal = np.diff(np.interp(spans, run.t, run.channels["displacement"]), axis=1)[:, 0]
+        travel: Signal = np.diff(np.interp(spans, run.t, run.channels["displacement"]), axis=1)[
+            :, 0
+        ]
     elif "velocity" in run.channels:
         travel = integrals(run.t, run.channels["velocity"].__getitem__, spans)
     else:
@@ -126,27 +152,38 @@ def travel_in(run: Run, spans: Signal) -> list[float]:
 
 
 def find_windows(phased: PhasedRun) -> list[Window]:
-    """Windows by the rule; where payouts should be alike, one that was aborted is distinguished from the others.
+    """Windows by the rule; where payouts should be alike, one that was aborted is distinguished
+    from the others.
 
     A cycle that is a span is its own window.
     """
     rig, fs, found = phased.rig, phased.run.fs, []
     alike, usual = rig.phases.by_motion and phased.rule != "payout", _usual_travel(phased)
     following = [*(cycle.onset for cycle in phased.cycles[1:]), math.inf]
-    for k, (cycle, after, travel) in enumerate(zip(phased.cycles, following, phased.travel, strict=False)):
+    for k, (cycle, after, travel) in enumerate(
+        zip(phased.cycles, following, phased.travel, strict=False)
+    ):
         if rig.phases.by_motion:
             window = find_window(phased, k)
         else:
             cut = cycle.begins_inside or cycle.ends_inside
-            window = Window(cycle.onset, span_end(cycle, rig), "the log begins or ends inside it" if cut else None)
+            window = Window(
+                cycle.onset,
+                span_end(cycle, rig),
+                "the log begins or ends inside it" if cut else None,
+            )
         length, late = window.cutoff - window.onset, window.cutoff - cycle.payout_end
-        ended, short = alike and not cycle.ends_inside, length * fs < SHORTEST and rig.phases.source != "rows"
+        ended, short = (
+            alike and not cycle.ends_inside,
+            length * fs < SHORTEST and rig.phases.source != "rows",
+        )
         odd = {
             f"its window of {length:.3g} s is shorter than two samples, which are {1.0 / fs:.3g} s apart": short,
             "its window reaches into the next payout": alike and window.cutoff > after,
             f"the payout is aborted after {travel:.2f} m, where others travel {usual:.2f} m": ended
             and travel < rig.thresholds.aborted_below * usual,
-            f"the payout ends {late:.2f} s before its window does": ended and late > _detection_slack(phased),
+            f"the payout ends {late:.2f} s before its window does": ended
+            and late > _detection_slack(phased),
         }
         fault = window.fault or next((text for text, is_odd in odd.items() if is_odd), None)
         found.append(Window(window.onset, window.cutoff, fault))
@@ -156,10 +193,15 @@ def find_windows(phased: PhasedRun) -> list[Window]:
 def find_window(phased: PhasedRun, k: int) -> Window:
     """Set the integration window of a payout by the rule (Sec. 3.2).
 
-    The rule "auto" ends `settle` after the plateau begins, never past braking; "payout" with the payout; a number that many
-    seconds after the onset.
+    The rule "auto" ends `settle` after the plateau begins, never past braking; "payout" with the
+    payout; a number that many seconds after the onset.
     """
-    cycle, plateau, rule, log_end = phased.cycles[k], phased.plateaus[k], phased.rule, float(phased.run.t[-1])
+    cycle, plateau, rule, log_end = (
+        phased.cycles[k],
+        phased.plateaus[k],
+        phased.rule,
+        float(phased.run.t[-1]),
+    )
     end, fault = cycle.payout_end, None
     if cycle.begins_inside:
         fault = "the log begins inside the payout, so its onset is unknown"
@@ -176,13 +218,17 @@ def find_window(phased: PhasedRun, k: int) -> Window:
     else:
         settled = plateau.begin + phased.rig.thresholds.settle
         end = min(settled, plateau.braking)
-        if cycle.ends_inside and (settled > cycle.payout_end or phased.speed_max[k] > TOP_OF_PLATEAU * plateau.speed):
+        if cycle.ends_inside and (
+            settled > cycle.payout_end or phased.speed_max[k] > TOP_OF_PLATEAU * plateau.speed
+        ):
             fault = "the log ends before the payout has settled on its plateau"
     return Window(cycle.onset, end, fault)
 
 
 def whole_cycles(phased: PhasedRun) -> Signal:
-    """Begin and end of each whole cycle, (k, 2): from onset to next onset, or of a span its own. [s]"""
+    """Begin and end of each whole cycle, (k, 2): from onset to next onset, or of a span its own.
+    [s]
+    """
     if phased.rig.phases.by_motion:
         return onsets(phased)
     return np.array([(c.onset, span_end(c, phased.rig)) for c in phased.cycles]).reshape(-1, 2)
@@ -192,12 +238,20 @@ def onsets(phased: PhasedRun) -> Signal:
     """Onset of each cycle and onset of the next one, or the end of the log, (k, 2). [s]"""
     last = float(phased.run.t[-1]) if phased.next_onset is None else phased.next_onset
     ends = [*(c.onset for c in phased.cycles[1:]), last]
-    return np.array([(c.onset, end) for c, end in zip(phased.cycles, ends, strict=False)]).reshape(-1, 2)
+    return np.array([(c.onset, end) for c, end in zip(phased.cycles, ends, strict=False)]).reshape(
+        -1, 2
+    )
 
 
 def span_end(cycle: Cycle, rig: Rig) -> float:
-    """End of a cycle that is a span: of a wave with its negative half, of a labelled cycle that of its payout. [s]"""
-    return cycle.haul_in[1] if rig.phases.source == "waves" and cycle.haul_in is not None else cycle.payout_end
+    """End of a cycle that is a span: of a wave with its negative half, of a labelled cycle that
+    of its payout. [s]
+    """
+    return (
+        cycle.haul_in[1]
+        if rig.phases.source == "waves" and cycle.haul_in is not None
+        else cycle.payout_end
+    )
 
 
 def check_lengths(phased: PhasedRun, windows: Sequence[Window]) -> list[Finding]:
@@ -216,24 +270,47 @@ def check_lengths(phased: PhasedRun, windows: Sequence[Window]) -> list[Finding]
     late = [(c, w) for c, w in whole if w.cutoff - c.payout_end > _detection_slack(phased)]
     if not late or not isinstance(phased.rule, float):
         return []
-    maximum, lengths = max(w.cutoff - c.payout_end for c, w in late), [c.payout_end - c.onset for c, _ in whole]
+    maximum, lengths = (
+        max(w.cutoff - c.payout_end for c, w in late),
+        [c.payout_end - c.onset for c, _ in whole],
+    )
     found = f"{len(late)} of {len(whole)} payouts end before their window of {phased.rule:g} s does, by up to {maximum:.2f} s"
     fits = f"a window of at most {math.floor(100.0 * min(lengths)) / 100.0:.2f} s fits into all of them"
     if 2 * len(late) > len(whole):
         raise OptionError(
-            f"{phased.run.name}: {found}, so that it holds hold or haul-in; the payouts last {min(lengths):.2f} to "
+            f"{phased.run.name}: {found}, so that it holds hold or haul-in; the payouts last "
+            f"{min(lengths):.2f} to "
             f"{max(lengths):.2f} s, and {fits}; give one, or the rule auto or payout."
         )
-    action, begin, end = "those cycles are left out of the mean", late[0][1].onset, late[-1][1].cutoff
-    return [Finding("window_beyond_payout", f"{found}; {fits}", action, start=begin, end=end, count=len(late))]
+    action, begin, end = (
+        "those cycles are left out of the mean",
+        late[0][1].onset,
+        late[-1][1].cutoff,
+    )
+    return [
+        Finding(
+            "window_beyond_payout",
+            f"{found}; {fits}",
+            action,
+            start=begin,
+            end=end,
+            count=len(late),
+        )
+    ]
 
 
 def _usual_travel(phased: PhasedRun) -> float:
     """Median travel of the payouts whose onset the log holds; 0 without any. [m]"""
-    whole = [travel for c, travel in zip(phased.cycles, phased.travel, strict=True) if not c.begins_inside]
+    whole = [
+        travel
+        for c, travel in zip(phased.cycles, phased.travel, strict=True)
+        if not c.begins_inside
+    ]
     return median(np.array(whole)) if whole else 0.0
 
 
 def _detection_slack(phased: PhasedRun) -> float:
-    """By how much the end of a payout may be found too early: half the smoothing, or one sample of a slower log. [s]"""
+    """By how much the end of a payout may be found too early: half the smoothing, or one sample
+    of a slower log. [s]
+    """
     return max(0.5 * phased.rig.thresholds.smoothing, 1.0 / phased.run.fs)

@@ -1,4 +1,6 @@
-"""The result of a reduction: its cycles, their mean and repeatability, and powers over generator speed."""
+"""The result of a reduction: its cycles, their mean and repeatability, and powers over generator
+speed.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +21,14 @@ from winchcascade.reduction.phased_run import Window
 from winchcascade.reduction.phases import Cycle
 
 REMAINS = 1.5
-"""Standard uncertainties that a lag may be away from zero before its u grows with it: 13 % of true zeros are farther. [1]"""
+"""Standard uncertainties that a lag may be away from zero before its u grows with it: 13 % of
+true zeros are farther. [1]
+"""
 
 
 class CycleResult(msgspec.Struct, frozen=True):
-    """One cycle: its instants, its window, what its phases were like, its metrics, and its span from onset to onset.
+    """One cycle: its instants, its window, what its phases were like, its metrics, and its span
+    from onset to onset.
 
     Parameters
     ----------
@@ -32,7 +37,8 @@ class CycleResult(msgspec.Struct, frozen=True):
     phases : instants of onset, end of payout, hold and haul-in on the clock of the log [s]
     window : begin and end of the integration [s]
     summary : travel, plateau speed and durations of its phases
-    metrics : energies [J], mean powers [W] and efficiencies [1] of the window and of the whole cycle, by name
+    metrics : energies [J], mean powers [W] and efficiencies [1] of the window and of the whole
+        cycle, by name
     net : span of the whole cycle, or why it has none
     """
 
@@ -52,7 +58,13 @@ class MeasuredLoad(msgspec.Struct, frozen=True):
     u: float
 
 
-RELATION = {"lag": "lag_s", "u": "lag_u_s", "u_law": "lag_u_law_s", "least": "lag_limit_s", "u_gain": "gain_u"}
+RELATION = {
+    "lag": "lag_s",
+    "u": "lag_u_s",
+    "u_law": "lag_u_law_s",
+    "least": "lag_limit_s",
+    "u_gain": "gain_u",
+}
 """Names of the fields of a relation in written files."""
 
 
@@ -64,7 +76,8 @@ class Relation(msgspec.Struct, frozen=True, rename=RELATION):
     lag : of y behind x beyond what physics explains [s]
     u, u_law : its standard uncertainty, and what of that the logs of a rig share [s]
     least : smallest lag that is reported [s]
-    gain, u_gain : y over what the law gives without a fit, and its standard uncertainty [1]; None where the law has no size
+    gain, u_gain : y over what the law gives without a fit, and its standard uncertainty [1]; None
+        where the law has no size
     """
 
     y: str
@@ -84,12 +97,15 @@ class Relation(msgspec.Struct, frozen=True, rename=RELATION):
 
     @property
     def u_remaining(self) -> float:
-        """Standard uncertainty of a channel that is not shifted: a lag that exceeds its u remains in what is reduced. [s]"""
+        """Standard uncertainty of a channel that is not shifted: a lag that exceeds its u
+        remains in what is reduced. [s]
+        """
         return max(self.u, abs(self.lag) / REMAINS)
 
 
 class Reduction(Viewed, frozen=True):
-    """Result of the reduction of a log: every cycle, their mean and repeatability, and powers over generator speed.
+    """Result of the reduction of a log: every cycle, their mean and repeatability, and powers over
+    generator speed.
 
     Parameters
     ----------
@@ -101,8 +117,10 @@ class Reduction(Viewed, frozen=True):
     total : sums of the energies of complete cycles, and ratios of these sums
     bins : means over generator speed in complete cycles
     quality : findings of the log and of the reduction
-    bridged : of each stage that has gaps, what bridging them could have changed of the energy of each cycle [J]
-    sampled : where the sampling is not clearly fine, what every second or third sample alone changes of the energy [J]
+    bridged : of each stage that has gaps, what bridging them could have changed of the energy of
+        each cycle [J]
+    sampled : where the sampling is not clearly fine, what every second or third sample alone
+        changes of the energy [J]
     measured_load : Vdc / Idc, whatever load is stated
     relations : how its channels follow its motion
     """
@@ -127,12 +145,17 @@ class Reduction(Viewed, frozen=True):
 
     @property
     def both_ways(self) -> dict[str, BothWays]:
-        """What flows with the cascade and against it, by stage, in all complete cycles together; nothing where cycles are found
-        in a motion and no rig file states the stages. [J]
+        """What flows with the cascade and against it, by stage, in all complete cycles together;
+        nothing where cycles are found in a motion and no rig file states the stages. [J]
         """
-        cycles = [c.summary.both_ways for c in self.complete if c.summary.both_ways is not msgspec.UNSET]
+        cycles = [
+            c.summary.both_ways for c in self.complete if c.summary.both_ways is not msgspec.UNSET
+        ]
         names = cycles[0] if cycles else ()
-        return {n: BothWays(sum(c[n].positive for c in cycles), sum(c[n].negative for c in cycles)) for n in names}
+        return {
+            n: BothWays(sum(c[n].positive for c in cycles), sum(c[n].negative for c in cycles))
+            for n in names
+        }
 
     @property
     def complete(self) -> tuple[CycleResult, ...]:
@@ -151,7 +174,9 @@ class Reduction(Viewed, frozen=True):
 
     @property
     def extremes(self) -> tuple[CycleResult, CycleResult, str] | None:
-        """Complete cycles of the highest and the lowest efficiency, and which; None where there are not two to compare."""
+        """Complete cycles of the highest and the lowest efficiency, and which; None where there
+        are not two to compare.
+        """
         cascade = self.rig.cascade
         for metric in (cascade.overall, *cascade.neighbours, *cascade.energies[:1]):
             known = [c for c in self.complete if c.metrics.get(metric) is not None]

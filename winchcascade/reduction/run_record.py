@@ -1,7 +1,7 @@
 """The JSON of a reduction: written by `reduce` and `batch`, read by `check` and `compare`.
 
-It joins a `Reduction` and its `Uncertainty`. `RunRecord` declares of it what other commands read: other entries are not looked
-at, and what earlier versions lack has a default.
+It joins a `Reduction` and its `Uncertainty`. `RunRecord` declares of it what other commands read:
+other entries are not looked at, and what earlier versions lack has a default.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ NotNegative = dict[str, Annotated[float, msgspec.Meta(ge=0.0)] | None]
 """As `Numbers`, for uncertainties and deviations."""
 
 
-# ------------------------------------------------------------------------------------------------------------- what is read
+# ----------------------------------------------------------------------------------- what is read
 class LogRecord(msgspec.Struct, frozen=True, kw_only=True):
     """The log of a run; `simulated` is null for a log that was not simulated."""
 
@@ -63,10 +63,12 @@ class LogRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FindingRecord(msgspec.Struct, frozen=True):
-    """One finding, with the share of the log's samples that it removed and what it changed, null for nothing.
+    """One finding, with the share of the log's samples that it removed and what it changed, null
+    for nothing.
 
-    `repaired` is what was changed and how many samples (0: none was taken out), in how many places, the times of the first
-    `MAX_SPANS` of them, and whether it was `applied`: false where repairs are off.
+    `repaired` is what was changed and how many samples (0: none was taken out), in how many places,
+    the times of the first `MAX_SPANS` of them, and whether it was `applied`: false where repairs
+    are off.
     """
 
     kind: str
@@ -81,7 +83,8 @@ class FindingRecord(msgspec.Struct, frozen=True):
 
 
 class CycleRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """One cycle with begin and end of its phases, their summary, its window, its metrics and their standard uncertainties. [s]
+    """One cycle with begin and end of its phases, their summary, its window, its metrics and their
+    standard uncertainties. [s]
 
     `sensors_by_limits` is as in `UncertaintyRecord`.
     """
@@ -98,9 +101,11 @@ class CycleRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BudgetRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """One row of the budget of the sensors. The row of the bridged gaps has no part, basis and standard uncertainty.
+    """One row of the budget of the sensors. The row of the bridged gaps has no part, basis and
+    standard uncertainty.
 
-    `basis` is what the error is known by: a sensor has either that of its calibration in place or those of its accuracy.
+    `basis` is what the error is known by: a sensor has either that of its calibration in place or
+    those of its accuracy.
     """
 
     source: str
@@ -113,8 +118,8 @@ class BudgetRecord(msgspec.Struct, frozen=True, kw_only=True):
 class UncertaintyRecord(msgspec.Struct, frozen=True, kw_only=True):
     """Parts of the uncertainty of the means.
 
-    `sensors_by_limits` is, for a check of a printed table, what the accuracies of the sensors that are calibrated in place
-    would leave of the means; empty without such sensors.
+    `sensors_by_limits` is, for a check of a printed table, what the accuracies of the sensors that
+    are calibrated in place would leave of the means; empty without such sensors.
     """
 
     sensors: Numbers
@@ -125,21 +130,26 @@ class UncertaintyRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class StagesRecord(msgspec.Struct, frozen=True):
-    """Stages that a rig file configures, and of which channels the power of each is made, null where the log lacks them."""
+    """Stages that a rig file configures, and of which channels the power of each is made, null
+    where the log lacks them.
+    """
 
     order: tuple[str, ...]
     power: dict[str, str | None]
 
 
 MEANS = ("mean", "max_deviation_percent", "standard_uncertainty", "interval_95", "total")
-"""Entries of the JSON that hold numbers of the metrics; those of configured stages stand under `stages`."""
+"""Entries of the JSON that hold numbers of the metrics; those of configured stages stand under
+`stages`.
+"""
 
 
 class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """The reduction of one log, schema `winchcascade/reduction/1`; numbers that do not exist are null.
+    """The reduction of one log, schema `winchcascade/reduction/1`; numbers that do not exist are
+    null.
 
-    `rig` was a name alone in earlier versions. `cycles_from` is the source of cycles of the rig file, unset for the line
-    velocity.
+    `rig` was a name alone in earlier versions. `cycles_from` is the source of cycles of the rig
+    file, unset for the line velocity.
     """
 
     schema: Literal["winchcascade/reduction/1"]
@@ -169,7 +179,9 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def plateau_speed(self) -> float | None:
         """Mean speed of the plateaus of the complete cycles, None where there is none. [m/s]"""
-        return mean_plateau_speed(cycle.phase_summary.payout for cycle in self.cycles if cycle.complete)
+        return mean_plateau_speed(
+            cycle.phase_summary.payout for cycle in self.cycles if cycle.complete
+        )
 
 
 def run_record(content: bytes, where: str) -> RunRecord:
@@ -187,7 +199,8 @@ def run_record(content: bytes, where: str) -> RunRecord:
         return _record(msgspec.json.decode(content, type=dict[str, Any]))
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as fault:
         raise OptionError(
-            f"{where}: is no JSON of a reduction ({fault}); expected the schema {REDUCTION_SCHEMA}, as `winchcascade "
+            f"{where}: is no JSON of a reduction ({fault}); expected the schema "
+            f"{REDUCTION_SCHEMA}, as `winchcascade "
             "reduce LOG --json FILE` writes. Reduce its log again."
         ) from None
 
@@ -204,7 +217,8 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
 
 
 def _record(entries: dict[str, Any]) -> RunRecord:
-    """The record of the entries of a JSON; numbers of configured stages join the others, those of a cycle stand together.
+    """The record of the entries of a JSON; numbers of configured stages join the others, those of a
+    cycle stand together.
 
     Raises
     ------
@@ -213,22 +227,32 @@ def _record(entries: dict[str, Any]) -> RunRecord:
     stages, cycles = entries.get("stages"), entries.get("cycles")
     if isinstance(stages, dict):
         pairs = {name: (entries.get(name), stages.get(name)) for name in MEANS}
-        entries = entries | {k: a | b for k, (a, b) in pairs.items() if isinstance(a, dict) and isinstance(b, dict)}
+        entries = entries | {
+            k: a | b for k, (a, b) in pairs.items() if isinstance(a, dict) and isinstance(b, dict)
+        }
     if isinstance(cycles, list):
-        entries = entries | {"cycles": [_with_numbers(one) if isinstance(one, dict) else one for one in cycles]}
+        entries = entries | {
+            "cycles": [_with_numbers(one) if isinstance(one, dict) else one for one in cycles]
+        }
     return msgspec.convert(entries, RunRecord)
 
 
 def _with_numbers(cycle: dict[str, Any]) -> dict[str, Any]:
     """The entries of a cycle with the numbers of its metrics together."""
-    numbers = {name: number for name, number in cycle.items() if name.startswith(("energy_", "power_", "eta_"))}
+    numbers = {
+        name: number
+        for name, number in cycle.items()
+        if name.startswith(("energy_", "power_", "eta_"))
+    }
     stages = cycle.get("stages")
     return cycle | {"numbers": numbers | stages if isinstance(stages, dict) else numbers}
 
 
-# ---------------------------------------------------------------------------------------------------------- what is written
+# -------------------------------------------------------------------------------- what is written
 def reduction_json(reduction: Reduction, found: Uncertainty | None = None) -> bytes:
-    """The reduction of one log as JSON, schema `winchcascade/reduction/1`, with its uncertainty, made here if not given."""
+    """The reduction of one log as JSON, schema `winchcascade/reduction/1`, with its uncertainty,
+    made here if not given.
+    """
     return json_bytes(reduction_entries(reduction, found))
 
 
@@ -274,7 +298,9 @@ def reduction_entries(reduction: Reduction, found: Uncertainty | None = None) ->
                 "sensors_by_limits": named(by_limits, names) if by_limits else {},
                 **({"stages": named(cycle.metrics, cascade.metrics)} if cascade.configured else {}),
             }
-            for cycle, u, by_limits in zip(reduction.cycles, known.cycles, known.cycles_by_limits, strict=True)
+            for cycle, u, by_limits in zip(
+                reduction.cycles, known.cycles, known.cycles_by_limits, strict=True
+            )
         ],
         **dict(means),
         "uncertainty": {
@@ -282,7 +308,9 @@ def reduction_entries(reduction: Reduction, found: Uncertainty | None = None) ->
             "sensors_by_limits": named(known.by_limits, names) if known.by_limits else {},
             "repeatability": named(known.repeatability, names),
             "interval_95_sensors": named(found.interval_95_sensors, names),
-            "degrees_of_freedom": named(known.freedom, names),  # JSON writes null for an infinite number
+            "degrees_of_freedom": named(
+                known.freedom, names
+            ),  # JSON writes null for an infinite number
             "budget": _budget(reduction, found, names),
             "taken_as_exact": known.exact,
             "without_accuracy": known.unknown,
@@ -300,7 +328,9 @@ def reduction_entries(reduction: Reduction, found: Uncertainty | None = None) ->
     return record if waves is None else record | {"waves": waves}
 
 
-def _means(reduction: Reduction, found: Uncertainty, names: Collection[str] = ALL_METRICS) -> dict[str, Any]:
+def _means(
+    reduction: Reduction, found: Uncertainty, names: Collection[str] = ALL_METRICS
+) -> dict[str, Any]:
     """Means over the cycles with what is known of them, and sums, of some metrics."""
     return {
         "mean": named(reduction.mean, names),
@@ -314,15 +344,20 @@ def _means(reduction: Reduction, found: Uncertainty, names: Collection[str] = AL
 def _stages(reduction: Reduction, found: Uncertainty) -> dict[str, Any]:
     """Numbers of the stages that a rig file configures.
 
-    `energy_out_j` is what flows with the cascade in all complete cycles, from onset to next onset, `energy_back_j` what flows
-    against it, negative. `efficiency_out` are the ratios of what flows with the cascade, `efficiency_back` those of what flows
-    back, which comes in at the second stage.
+    `energy_out_j` is what flows with the cascade in all complete cycles, from onset to next onset,
+    `energy_back_j` what flows against it, negative. `efficiency_out` are the ratios of what flows
+    with the cascade, `efficiency_back` those of what flows back, which comes in at the second
+    stage.
     """
     run, rig, cascade = reduction.run, reduction.rig, reduction.rig.cascade
     powers = {stage.name: stage.power(run.channels, rig.r_drum) for stage in cascade.stages}
     out = {name: both.positive for name, both in reduction.both_ways.items()}
     back = {name: -both.negative for name, both in reduction.both_ways.items()}
-    delivered = {e: pair for e, pair in cascade.pairs.items() if not (run.open_circuit and cascade.undelivered(e))}
+    delivered = {
+        e: pair
+        for e, pair in cascade.pairs.items()
+        if not (run.open_circuit and cascade.undelivered(e))
+    }
     return {
         "order": cascade.names,
         "power": {name: power and power.text for name, power in powers.items()},
@@ -331,12 +366,18 @@ def _stages(reduction: Reduction, found: Uncertainty) -> dict[str, Any]:
         "energy_out_j": out,
         "energy_back_j": {name: -joule for name, joule in back.items()},
         "efficiency_out": {eta: ratio(out.get(b), out.get(a)) for eta, (a, b) in delivered.items()},
-        "efficiency_back": {eta: ratio(back.get(a), back.get(b)) for eta, (a, b) in delivered.items()},
+        "efficiency_back": {
+            eta: ratio(back.get(a), back.get(b)) for eta, (a, b) in delivered.items()
+        },
     }
 
 
-def _budget(reduction: Reduction, found: Uncertainty, names: Collection[str]) -> list[dict[str, Any]]:
-    """Rows of the budget: in the SI unit of the channel, or relative for a gain; shares are of the mean's variance."""
+def _budget(
+    reduction: Reduction, found: Uncertainty, names: Collection[str]
+) -> list[dict[str, Any]]:
+    """Rows of the budget: in the SI unit of the channel, or relative for a gain; shares are of
+    the mean's variance.
+    """
     channels, mean, rows = reduction.rig.known_channels, found.budget.mean, []
     for row in found.budget.rows:
         of: dict[str, Any] = {"source": "bridged gaps"}
@@ -346,7 +387,9 @@ def _budget(reduction: Reduction, found: Uncertainty, names: Collection[str]) ->
             of["unit"] = units.get(source.part) or si_unit(channels[source.channel].dimension)
             of |= {"distribution": source.shape, "basis": source.basis, "limit": source.limit}
             of |= {"standard_uncertainty": source.u, "from": source.origin}
-        rows.append(of | {"contribution": named(row.of, names), "share": named(shares(row.of, mean), names)})
+        rows.append(
+            of | {"contribution": named(row.of, names), "share": named(shares(row.of, mean), names)}
+        )
     return rows
 
 
@@ -363,15 +406,19 @@ def finding_record(finding: Finding, samples: int) -> FindingRecord:
 
 
 def _bin(of: Bin, cascade: Cascade) -> dict[str, Any]:
-    """One bin of generator speed: mean powers and torque with their standard errors, and the powers that are stored meanwhile.
+    """One bin of generator speed: mean powers and torque with their standard errors, and the powers
+    that are stored meanwhile.
 
-    Those go into the rotor, the spring of the shaft and the capacitor of the DC link while the speed changes, null where the
-    rig file states no inertia, stiffness or capacitance. The loss between shaft and DC link is P_mech - P_gen less these.
+    Those go into the rotor, the spring of the shaft and the capacitor of the DC link while the
+    speed changes, null where the rig file states no inertia, stiffness or capacitance. The loss
+    between shaft and DC link is P_mech - P_gen less these.
     """
 
     def both(fields: Mapping[str, str]) -> dict[str, float | None]:
         ends = ("", of.mean), ("_standard_error", of.standard_error)
-        return {f"{field}{end}": part.get(name) for name, field in fields.items() for end, part in ends}
+        return {
+            f"{field}{end}": part.get(name) for name, field in fields.items() for end, part in ends
+        }
 
     row: dict[str, Any] = {"rpm_low": of.rpm_low, "rpm_high": of.rpm_high, "count": of.count}
     row |= both({stage: f"power_{stage}_w" for stage in PAPER.names} | {TORQUE: "torque_nm"})

@@ -31,18 +31,28 @@ def lag_sources(reduction: Reduction) -> list[tuple[ErrorSource, tuple[str, ...]
     Every window follows the velocity, so that a lag of it moves all others.
     """
     channels, relations = reduction.run.channels, reduction.relations
-    stated = {name: s for name, s in reduction.rig.sensors.items() if s.u_lag is not None and name in channels}
+    stated = {
+        name: s
+        for name, s in reduction.rig.sensors.items()
+        if s.u_lag is not None and name in channels
+    }
     found = []
     for name, sensor in stated.items():
-        moved = (name,) if name != "velocity" else tuple(other for other in channels if other != name)
-        source = ErrorSource(TIMING, "lag", sensor.u_lag or 0.0, None, f"u_lag of {name}", "standard_uncertainty")
+        moved = (
+            (name,) if name != "velocity" else tuple(other for other in channels if other != name)
+        )
+        source = ErrorSource(
+            TIMING, "lag", sensor.u_lag or 0.0, None, f"u_lag of {name}", "standard_uncertainty"
+        )
         found.append((source, moved))
     for relation in relations:
         if relation.y not in stated:
             follow = (r.y for r in relations if r.x == relation.y and r.y not in stated)
             moved = (relation.y, *follow)
             origin = f"{' and '.join(moved)} against {relation.x} in the log"
-            found.append((ErrorSource(TIMING, "lag", relation.u_remaining, None, origin, "relation"), moved))
+            found.append(
+                (ErrorSource(TIMING, "lag", relation.u_remaining, None, origin, "relation"), moved)
+            )
     return found
 
 
@@ -50,18 +60,34 @@ def lag_rates(reduction: Reduction, spans: Signal) -> Rates:
     """What lags of single channels change of the energy of each stage in k spans, (k, 2) [s]."""
     run, radius = reduction.run, reduction.rig.r_drum
     powers = {
-        s.name: power for s in reduction.rig.cascade.stages if (power := s.power(run.channels, radius)) is not None
+        s.name: power
+        for s in reduction.rig.cascade.stages
+        if (power := s.power(run.channels, radius)) is not None
     }
-    slopes = {name: np.gradient(run.channels[name], run.t) for power in powers.values() for name in power.channels}
+    slopes = {
+        name: np.gradient(run.channels[name], run.t)
+        for power in powers.values()
+        for name in power.channels
+    }
 
     def stream(term: Term, late: str) -> Stream:
-        others, scale = [run.channels[name] for name in term.channels if name != late], term.scale(radius)
-        return lambda part: np.prod([slopes[late][part], *(x[part] for x in others)], axis=0) * scale
+        others, scale = (
+            [run.channels[name] for name in term.channels if name != late],
+            term.scale(radius),
+        )
+        return lambda part: (
+            np.prod([slopes[late][part], *(x[part] for x in others)], axis=0) * scale
+        )
 
     of = [
-        (stage, name, stream(term, name)) for stage, p in powers.items() for term in p.terms for name in term.channels
+        (stage, name, stream(term, name))
+        for stage, p in powers.items()
+        for term in p.terms
+        for name in term.channels
     ]
     found: dict[str, dict[str, Signal]] = {stage: {} for stage in powers}
-    for (stage, name, _), joules in zip(of, integrals_of(run.t, [s for *_, s in of], spans), strict=True):
+    for (stage, name, _), joules in zip(
+        of, integrals_of(run.t, [s for *_, s in of], spans), strict=True
+    ):
         found[stage][name] = found[stage].get(name, np.zeros(len(spans))) + joules
     return found

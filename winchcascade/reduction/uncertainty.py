@@ -1,8 +1,10 @@
-"""Uncertainty of the means of a reduction by the GUM (JCGM 100:2008): a model of the errors of the sensors, differentiated for
-the budget, with the repeatability of the cycles, and 95 % intervals by Student's distribution.
+"""Uncertainty of the means of a reduction by the GUM (JCGM 100:2008): a model of the errors of the
+sensors, differentiated for the budget, with the repeatability of the cycles, and 95 % intervals by
+Student's distribution.
 
-A sensor reads (1 + gain) x + zero, both unknown but the same over the whole run, so neither averages out over its cycles. As a
-power is a product of two channels, its energy for any errors follows from four integrals, and nothing is integrated again.
+A sensor reads (1 + gain) x + zero, both unknown but the same over the whole run, so neither
+averages out over its cycles. As a power is a product of two channels, its energy for any errors
+follows from four integrals, and nothing is integrated again.
 """
 
 from __future__ import annotations
@@ -38,28 +40,37 @@ from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.timing import lag_rates, lag_sources
 
 R_DRUM, SAMPLING = "r_drum", "sampling"
-"""Sources of uncertainty that are no channels: the drum radius, where a rig file states one of it, and what every second or
-third sample alone changes of an energy."""
+"""Sources of uncertainty that are no channels: the drum radius, where a rig file states one of it,
+and what every second or third sample alone changes of an energy."""
 
 TAKEN_AS_EXACT = ("velocity",)
-"""Channels without a stated accuracy that count as exact: an encoder's counts have neither zero nor gain error."""
+"""Channels without a stated accuracy that count as exact: an encoder's counts have neither zero
+nor gain error.
+"""
 
 IMAGINARY_STEP = 1e-30
-"""Imaginary step by which the model is differentiated: what it leaves out is below rounding (Squire and Trapp 1998). [1]"""
+"""Imaginary step by which the model is differentiated: what it leaves out is below rounding
+(Squire and Trapp 1998). [1]
+"""
 
 NORMAL_REACH = 3.0
 """Largest normal error that is considered, in standard uncertainties."""
 
 Terms = tuple[tuple[tuple[str, ...], int], ...]
-"""Channels of each term of a power, and the power of the stated drum radius that the term is proportional to."""
+"""Channels of each term of a power, and the power of the stated drum radius that the term is
+proportional to.
+"""
 
 Weights = Mapping[str, Mapping[str, Signal]]
-"""Of each metric, by the energies that it is made of, the change of the metric of a cycle with that energy, (k,); NaN for a
-cycle without the metric. Of an efficiency what comes out stands first, then what goes in."""
+"""Of each metric, by the energies that it is made of, the change of the metric of a cycle with that
+energy, (k,); NaN for a cycle without the metric. Of an efficiency what comes out stands first, then
+what goes in."""
 
 
 class BudgetRow(msgspec.Struct, frozen=True):
-    """What a source contributes to the standard uncertainty of each mean, in its unit; without a source the bridged gaps."""
+    """What a source contributes to the standard uncertainty of each mean, in its unit; without a
+    source the bridged gaps.
+    """
 
     source: ErrorSource | None
     of: Metrics
@@ -68,12 +79,13 @@ class BudgetRow(msgspec.Struct, frozen=True):
 class Budget(msgspec.Struct, frozen=True):
     """Standard uncertainties of a reduction and what they consist of, in the units of the metrics.
 
-    `sensors` (type B) and `repeatability` (type A, s/sqrt(N) of the complete cycles; None for a single one) make `mean`.
-    `freedom` are effective degrees of freedom (Welch and Satterthwaite, GUM G.4). `cycles` are those of every cycle, without
-    repeatability. `by_limits` and `cycles_by_limits` are what the accuracies of the sensors that are calibrated in place would
-    leave of means and cycles: no part of `mean`, but of a table whose reader knows these alone.
-    A metric that needs a channel of `unknown` has none, as the rig file states no accuracy for it; nor has one of
-    `undetermined`, where the errors could take away all of what it is divided by.
+    `sensors` (type B) and `repeatability` (type A, s/sqrt(N) of the complete cycles; None for a
+    single one) make `mean`. `freedom` are effective degrees of freedom (Welch and Satterthwaite,
+    GUM G.4). `cycles` are those of every cycle, without repeatability. `by_limits` and
+    `cycles_by_limits` are what the accuracies of the sensors that are calibrated in place would
+    leave of means and cycles: no part of `mean`, but of a table whose reader knows these alone. A
+    metric that needs a channel of `unknown` has none, as the rig file states no accuracy for it;
+    nor has one of `undetermined`, where the errors could take away all of what it is divided by.
     """
 
     rows: tuple[BudgetRow, ...]
@@ -109,14 +121,15 @@ class Uncertainty(msgspec.Struct, frozen=True):
         return self.budget.mean
 
 
-# ---------------------------------------------------------------------------------------------------- the model of errors
+# ---------------------------------------------------------------------------- the model of errors
 class Energy(msgspec.Struct, frozen=True, dict=True):
-    """One energy in k spans, as the sum of some integrals times `factors` that the errors of its channels decide.
+    """One energy in k spans, as the sum of some integrals times `factors` that the errors of its
+    channels decide.
 
     Parameters
     ----------
-    integrals : (r, k), of the `integrands`, the change by thinning the log per unit of the error of the sampling, and that by
-        each lag [J/s]
+    integrals : (r, k), of the `integrands`, the change by thinning the log per unit of the error of
+        the sampling, and that by each lag [J/s]
     t : (k,) length of the spans [s]
     gaps : (k,) standard uncertainty by bridged gaps, independent from span to span [J]
     """
@@ -139,16 +152,18 @@ class Energy(msgspec.Struct, frozen=True, dict=True):
 
 
 def factors(terms: Terms, sources: Sequence[ErrorSource], errors: NDArray[Any]) -> NDArray[Any]:
-    """What the integrals of an energy are multiplied by to get it as channels without these errors would have given it.
+    """What the integrals of an energy are multiplied by to get it as channels without these errors
+    would have given it.
 
     Parameters
     ----------
-    errors : (m, n) of each source in n cases, real or complex; those of a sensor and its acquisition system add up
+    errors : (m, n) of each source in n cases, real or complex; those of a sensor and its
+        acquisition system add up
 
     Returns
     -------
-    (r, n) of each of the `integrands`, (x - zero_x)(y - zero_y) / ((1 + gain_x)(1 + gain_y)) multiplied
-    out, and of the sampling
+    (r, n) of each of the `integrands`, (x - zero_x)(y - zero_y) / ((1 + gain_x)(1 + gain_y))
+    multiplied out, and of the sampling
     """
     of: dict[tuple[str, str], NDArray[Any]] = defaultdict(lambda: np.zeros(errors.shape[1]))
     for source, error in zip(sources, errors, strict=True):
@@ -158,7 +173,10 @@ def factors(terms: Terms, sources: Sequence[ErrorSource], errors: NDArray[Any]) 
         scale = (1.0 + of[R_DRUM, "gain"]) ** -radius_power
         for name in channels:
             scale = scale / (1.0 + of[name, "gain"])
-        found += [math.prod((-of[name, "zero"] for name in zeros), start=scale) for zeros in _subsets(channels)]
+        found += [
+            math.prod((-of[name, "zero"] for name in zeros), start=scale)
+            for zeros in _subsets(channels)
+        ]
     lags = [error for source, error in zip(sources, errors, strict=True) if source.part == "lag"]
     return np.stack([*found, of[SAMPLING, "gain"], *lags])
 
@@ -170,8 +188,8 @@ def _subsets(channels: tuple[str, ...]) -> list[tuple[str, ...]]:
 
 
 class ErrorModel(msgspec.Struct, frozen=True):
-    """The measured energies by their names in the parts of the cascade, and the m sources of uncertainty of all spans; with the
-    weights of all metrics whose channels have a known accuracy.
+    """The measured energies by their names in the parts of the cascade, and the m sources of
+    uncertainty of all spans; with the weights of all metrics whose channels have a known accuracy.
     """
 
     energies: Mapping[str, Energy]
@@ -180,9 +198,13 @@ class ErrorModel(msgspec.Struct, frozen=True):
 
     @property
     def lacking(self) -> dict[str, tuple[str, ...]]:
-        """Channels of each energy for which the rig file states no accuracy, without those that count as exact."""
+        """Channels of each energy for which the rig file states no accuracy, without those that
+        count as exact.
+        """
         stated = {source.channel for source in self.sources}.union(TAKEN_AS_EXACT)
-        return {name: tuple(sorted(energy.channels - stated)) for name, energy in self.energies.items()}
+        return {
+            name: tuple(sorted(energy.channels - stated)) for name, energy in self.energies.items()
+        }
 
     @property
     def terms(self) -> set[Terms]:
@@ -190,16 +212,27 @@ class ErrorModel(msgspec.Struct, frozen=True):
         return {energy.terms for energy in self.energies.values()}
 
     def changes(self) -> dict[str, Signal]:
-        """Change of each energy with one standard uncertainty of each source, (m, k), by complex steps. [J]"""
+        """Change of each energy with one standard uncertainty of each source, (m, k), by complex
+        steps. [J]
+        """
         steps = 1j * IMAGINARY_STEP * np.diag([source.u for source in self.sources])
-        slopes = {terms: factors(terms, self.sources, steps).imag / IMAGINARY_STEP for terms in self.terms}
-        return {name: slopes[energy.terms].T @ energy.integrals for name, energy in self.energies.items()}
+        slopes = {
+            terms: factors(terms, self.sources, steps).imag / IMAGINARY_STEP for terms in self.terms
+        }
+        return {
+            name: slopes[energy.terms].T @ energy.integrals
+            for name, energy in self.energies.items()
+        }
 
 
 def error_model(reduction: Reduction) -> ErrorModel:
-    """Integrate what the energies of all cycles are made of, and list their sources of uncertainty."""
+    """Integrate what the energies of all cycles are made of, and list their sources of
+    uncertainty.
+    """
     rig, cycles = reduction.rig, reduction.cycles
-    spans = spans_of([c.window for c in cycles], [c.phases for c in cycles], [c.net for c in cycles])
+    spans = spans_of(
+        [c.window for c in cycles], [c.phases for c in cycles], [c.net for c in cycles]
+    )
     nothing, names = np.zeros(len(cycles)), [*spans]
     of_stage = integrated(reduction, np.concatenate([*spans.values()]))
     energies = {}
@@ -207,13 +240,21 @@ def error_model(reduction: Reduction) -> ErrorModel:
         if stage in of_stage and any(c.metrics[f"energy_{part}"] is not None for c in cycles):
             terms, joules = of_stage[stage]
             joules = SIGN.get(part, 1.0) * np.split(joules, len(spans), axis=1)[names.index(span)]
-            sampled, gaps = reduction.sampled.get(part, nothing), reduction.bridged.get(part, nothing)
+            sampled, gaps = (
+                reduction.sampled.get(part, nothing),
+                reduction.bridged.get(part, nothing),
+            )
             energies[part] = Energy(
-                terms, np.vstack((joules, sampled)), np.ptp(spans[span], axis=1), np.array(gaps) / math.sqrt(3.0)
+                terms,
+                np.vstack((joules, sampled)),
+                np.ptp(spans[span], axis=1),
+                np.array(gaps) / math.sqrt(3.0),
             )
     sources = _of_sensors(rig.sensors, energies)
     radius = rig.winch.r_drum
-    on_radius = any(radius_power for energy in energies.values() for _, radius_power in energy.terms)
+    on_radius = any(
+        radius_power for energy in energies.values() for _, radius_power in energy.terms
+    )
     if on_radius and radius is not None and radius.u:
         u = radius.u / radius.value
         basis: Basis = "limits" if radius.rectangular else "standard_uncertainty"
@@ -221,9 +262,13 @@ def error_model(reduction: Reduction) -> ErrorModel:
         sources.append(ErrorSource(R_DRUM, "gain", u, limit, radius.source, basis))
     sums = [(abs(e.integrals[-1].sum()), abs(e.joules.sum())) for e in energies.values()]
     least = NOTHING * max((float(joules) for _, joules in sums), default=0.0)
-    if share := max((float(thinned / joules) for thinned, joules in sums if joules > least), default=0.0):
+    if share := max(
+        (float(thinned / joules) for thinned, joules in sums if joules > least), default=0.0
+    ):
         origin = "reduction of every second and third sample"
-        sources.append(ErrorSource(SAMPLING, "gain", share / math.sqrt(3.0), share, origin, "resampling"))
+        sources.append(
+            ErrorSource(SAMPLING, "gain", share / math.sqrt(3.0), share, origin, "resampling")
+        )
         for energy in energies.values():
             energy.integrals[-1] /= share
     lags, rates = lag_sources(reduction), lag_rates(reduction, np.concatenate([*spans.values()]))
@@ -233,7 +278,9 @@ def error_model(reduction: Reduction) -> ErrorModel:
                 name: SIGN.get(part, 1.0) * np.split(x, len(spans))[names.index(span)]
                 for name, x in rates[stage].items()
             }
-            rows = [sum((of[name] for name in moved if name in of), start=nothing) for _, moved in lags]
+            rows = [
+                sum((of[name] for name in moved if name in of), start=nothing) for _, moved in lags
+            ]
             energies[part] = msgspec.structs.replace(
                 energies[part], integrals=np.vstack((energies[part].integrals, *rows))
             )
@@ -242,27 +289,50 @@ def error_model(reduction: Reduction) -> ErrorModel:
 
 
 def integrated(reduction: Reduction, spans: Signal) -> dict[str, tuple[Terms, Signal]]:
-    """Terms of the power of each measured stage; and integrals over k spans, (r - 1, k), of what (x - zero_x)(y - zero_y) of
-    each term multiplies out to, without the zeros: of each subset of its channels the rest.
+    """Terms of the power of each measured stage; and integrals over k spans, (r - 1, k), of what (x
+    - zero_x)(y - zero_y) of each term multiplies out to, without the zeros: of each subset of its
+    channels the rest.
     """
     run, rig = reduction.run, reduction.rig
-    powers = {s.name: power for s in rig.cascade.stages if (power := s.power(run.channels, rig.r_drum)) is not None}
+    powers = {
+        s.name: power
+        for s in rig.cascade.stages
+        if (power := s.power(run.channels, rig.r_drum)) is not None
+    }
 
     def stream(term: Term, zeros: Sequence[str]) -> Stream:
-        columns, scale = [run.channels[name] for name in term.channels if name not in zeros], term.scale(rig.r_drum)
-        return lambda part: math.prod((x[part] for x in columns), start=np.full(run.t[part].shape, scale))
+        columns, scale = (
+            [run.channels[name] for name in term.channels if name not in zeros],
+            term.scale(rig.r_drum),
+        )
+        return lambda part: math.prod(
+            (x[part] for x in columns), start=np.full(run.t[part].shape, scale)
+        )
 
-    streams = [stream(t, zeros) for power in powers.values() for t in power.terms for zeros in _subsets(t.channels)]
+    streams = [
+        stream(t, zeros)
+        for power in powers.values()
+        for t in power.terms
+        for zeros in _subsets(t.channels)
+    ]
     rows, on_drum, found = iter(integrals_of(run.t, streams, spans)), _is_on_drum(run, rig), {}
     for name, power in powers.items():
-        # An encoder on the drum counts v = r omega: F v is proportional to r, tau v / r = tau omega is not.
-        terms = tuple((t.channels, (on_drum and "velocity" in t.channels) - t.by_radius) for t in power.terms)
-        found[name] = terms, np.array([next(rows) for t in power.terms for _ in _subsets(t.channels)])
+        # An encoder on the drum counts v = r omega: F v is proportional to r, tau v / r = tau omega
+        # is not.
+        terms = tuple(
+            (t.channels, (on_drum and "velocity" in t.channels) - t.by_radius) for t in power.terms
+        )
+        found[name] = (
+            terms,
+            np.array([next(rows) for t in power.terms for _ in _subsets(t.channels)]),
+        )
     return found
 
 
 def _is_on_drum(run: Run, rig: Rig) -> bool:
-    """Whether the line velocity is the stated drum radius times the speed of the drum, and not measured on the line."""
+    """Whether the line velocity is the stated drum radius times the speed of the drum, and not
+    measured on the line.
+    """
     motion, speed = run.channels.get("velocity"), run.channels.get("speed")
     if rig.winch.motion == "drum" or motion is None or speed is None or rig.r_drum is None:
         return rig.winch.motion == "drum"
@@ -271,11 +341,13 @@ def _is_on_drum(run: Run, rig: Rig) -> bool:
 
 def _of_sensors(sensors: Mapping[str, Sensor], energies: Mapping[str, Energy]) -> list[ErrorSource]:
     """Errors of the sensors of all channels that some energies are made of."""
-    channels = sorted({name for energy in energies.values() for name in energy.channels} & sensors.keys())
+    channels = sorted(
+        {name for energy in energies.values() for name in energy.channels} & sensors.keys()
+    )
     return [source for name in channels for source in error_sources(name, sensors[name])]
 
 
-# ------------------------------------------------------------------------------------------------- the budget by the GUM
+# -------------------------------------------------------------------------- the budget by the GUM
 def _weights(reduction: Reduction, model: ErrorModel) -> Weights:
     """The weights of all metrics whose channels have a known accuracy."""
     cascade, energies, found = reduction.rig.cascade, model.energies, {}
@@ -296,14 +368,19 @@ def _weights(reduction: Reduction, model: ErrorModel) -> Weights:
 
 
 def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
-    """Uncertainty budget of a reduction by the GUM: sensitivities times standard uncertainties, added in squares.
+    """Uncertainty budget of a reduction by the GUM: sensitivities times standard uncertainties,
+    added in squares.
 
     Parameters
     ----------
     model : of this reduction, if it is made already
     """
     model = model or error_model(reduction)
-    names, sensors, energies = reduction.rig.cascade.all_metrics, reduction.rig.sensors, model.energies
+    names, sensors, energies = (
+        reduction.rig.cascade.all_metrics,
+        reduction.rig.sensors,
+        model.energies,
+    )
     in_place = {n: s for n, s in sensors.items() if s.u_zero is not None or s.u_gain is not None}
     bare = {n: msgspec.structs.replace(s, u_zero=None, u_gain=None) for n, s in in_place.items()}
     own, limits = len(model.sources), _of_sensors(bare, energies)
@@ -316,33 +393,56 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
     for metric, of in model.weights.items():
         counted = complete & np.isfinite(next(iter(of.values())))
         divisors = list(of)[1:] if metric in given else []
-        taken = [reach @ np.abs(changes[name][:own]) >= np.abs(energies[name].joules) for name in divisors]
+        taken = [
+            reach @ np.abs(changes[name][:own]) >= np.abs(energies[name].joules)
+            for name in divisors
+        ]
         if np.any(taken and taken[0] & counted):
             undetermined.append(metric)
             continue
         moved = np.asarray(sum(w * changes[name] for name, w in of.items()))
         gaps = np.sqrt(sum((w * energies[name].gaps) ** 2 for name, w in of.items()))
-        for found, part in ((cycles, np.vstack((moved[:own], gaps))), (cycles_by_limits, moved[own:])):
+        for found, part in (
+            (cycles, np.vstack((moved[:own], gaps))),
+            (cycles_by_limits, moved[own:]),
+        ):
             for cycle, u in zip(found, np.sqrt((part**2).sum(axis=0)).tolist(), strict=True):
                 if len(part) and math.isfinite(u):
                     cycle[metric] = u
         if metric in given:
             means = np.abs(moved[:, counted].sum(axis=1)) / counted.sum()
-            parts[metric] = [*means[:own].tolist(), float(np.linalg.norm(gaps[counted])) / float(counted.sum())]
+            parts[metric] = [
+                *means[:own].tolist(),
+                float(np.linalg.norm(gaps[counted])) / float(counted.sum()),
+            ]
             by_limits[metric] = math.hypot(*means[own:])
-    sources = [*model.sources, *([None] if any(energy.gaps.any() for energy in energies.values()) else [])]
-    values = {m: [c.metrics.value(m) for c in reduction.complete if c.metrics[m] is not None] for m in given}
+    sources = [
+        *model.sources,
+        *([None] if any(energy.gaps.any() for energy in energies.values()) else []),
+    ]
+    values = {
+        m: [c.metrics.value(m) for c in reduction.complete if c.metrics[m] is not None]
+        for m in given
+    }
     repeated = {m: x for m, x in values.items() if reduction.rig.phases.repeats and len(x) > 1}
     scatter = {m: float(np.std(x, ddof=1)) / math.sqrt(len(x)) for m, x in repeated.items()}
     of_cycles = {m: [Scatter(u, len(values[m]) - 1.0)] for m, u in scatter.items()}
     mean = {m: math.hypot(*x, scatter.get(m, 0.0)) for m, x in parts.items()}
-    used, lacking = {name for energy in energies.values() for name in energy.channels}, model.lacking.values()
+    used, lacking = (
+        {name for energy in energies.values() for name in energy.channels},
+        model.lacking.values(),
+    )
     return Budget(
-        rows=tuple(BudgetRow(s, Metrics({m: x[k] for m, x in parts.items()}, names)) for k, s in enumerate(sources)),
+        rows=tuple(
+            BudgetRow(s, Metrics({m: x[k] for m, x in parts.items()}, names))
+            for k, s in enumerate(sources)
+        ),
         sensors=Metrics({m: math.hypot(*x) for m, x in parts.items()}, names),
         repeatability=Metrics(scatter, names),
         mean=Metrics(mean, names),
-        freedom=Metrics({m: effective_freedom(of_cycles.get(m, ()), u) for m, u in mean.items()}, names),
+        freedom=Metrics(
+            {m: effective_freedom(of_cycles.get(m, ()), u) for m, u in mean.items()}, names
+        ),
         cycles=tuple(cycles),
         by_limits=Metrics(by_limits if limits else {}, names),
         cycles_by_limits=tuple(cycles_by_limits),
@@ -353,10 +453,11 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
 
 
 def uncertainty(reduction: Reduction) -> Uncertainty:
-    """State the uncertainty of the means of a reduction: budget and 95 % intervals by the GUM, as `compare` states them.
+    """State the uncertainty of the means of a reduction: budget and 95 % intervals by the GUM, as
+    `compare` states them.
 
-    An interval is t times the standard uncertainty, with the effective degrees of freedom of the budget. A single cycle shows
-    no scatter, so its interval is that of the sensors alone.
+    An interval is t times the standard uncertainty, with the effective degrees of freedom of the
+    budget. A single cycle shows no scatter, so its interval is that of the sensors alone.
 
     Raises
     ------
@@ -373,7 +474,11 @@ def uncertainty(reduction: Reduction) -> Uncertainty:
     known, mean = budget(reduction), reduction.mean
     return Uncertainty(
         known,
-        {m: interval_95(mean.value(m), u, known.freedom.value(m)) for m, u in known.mean.items() if u is not None},
+        {
+            m: interval_95(mean.value(m), u, known.freedom.value(m))
+            for m, u in known.mean.items()
+            if u is not None
+        },
         {m: interval_95(mean.value(m), u) for m, u in known.sensors.items() if u is not None},
     )
 
@@ -384,4 +489,6 @@ def shares(part: Metrics, whole: Metrics) -> Metrics:
     >>> shares(Metrics(eta_trans=3.0), Metrics(eta_trans=5.0)).eta_trans
     0.36
     """
-    return Metrics({m: (a / b) ** 2 for m, a in part.items() if a is not None and (b := whole[m])}, whole.known)
+    return Metrics(
+        {m: (a / b) ** 2 for m, a in part.items() if a is not None and (b := whole[m])}, whole.known
+    )

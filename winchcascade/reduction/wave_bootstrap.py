@@ -1,9 +1,11 @@
-"""Ratios of sums over many waves, their efficiency and their mean power, with an interval of the waves and of the sensors.
+"""Ratios of sums over many waves, their efficiency and their mean power, with an interval of the
+waves and of the sensors.
 
-Waves that follow each other are not independent: a group of high waves lasts for several. What the waves contribute to the
-interval therefore comes from a circular block bootstrap (Politis and Romano 1992), whose blocks are as long as the data require
-(Politis and White 2004, with the correction of Patton, Politis and White 2009). What the sensors contribute is drawn from their
-budget, linearly, and added: a zero or a gain is the same in all waves, so that it does not average out.
+Waves that follow each other are not independent: a group of high waves lasts for several. What the
+waves contribute to the interval therefore comes from a circular block bootstrap (Politis and Romano
+1992), whose blocks are as long as the data require (Politis and White 2004, with the correction of
+Patton, Politis and White 2009). What the sensors contribute is drawn from their budget, linearly,
+and added: a zero or a gain is the same in all waves, so that it does not average out.
 """
 
 from __future__ import annotations
@@ -18,19 +20,25 @@ from winchcascade.core.accuracy import Shape, student
 from winchcascade.core.run import Signal
 
 BOOTSTRAP = {"draws": 4000, "seed": 20260101}
-"""Draws of the bootstrap and the seed of its random numbers: the same data give the same interval."""
+"""Draws of the bootstrap and the seed of its random numbers: the same data give the same
+interval.
+"""
 
 MIN_WAVES = 8
 """Fewer waves give no interval: their blocks would be the sample itself."""
 
 SIGNIFICANT = 2.0
-"""Number of standard deviations below which an autocorrelation counts as zero (Politis and White 2004, Sec. 3.2: about 2)."""
+"""Number of standard deviations below which an autocorrelation counts as zero (Politis and White
+2004, Sec. 3.2: about 2).
+"""
 
 BLOCKS_AT_ONCE = 2_000_000
 """Blocks that are drawn at a time: memory does not grow with the number of waves."""
 
 Errors = Sequence[tuple[float, Shape]]
-"""Change of a ratio with one standard uncertainty of each source of the sensors, and the shape of that error."""
+"""Change of a ratio with one standard uncertainty of each source of the sensors, and the shape
+of that error.
+"""
 
 WRITTEN_RATIO = {
     "interval": "interval_95", "block": "block_waves", "u_waves": "standard_uncertainty_waves",
@@ -42,9 +50,10 @@ WRITTEN_RATIO = {
 class RatioOfSums(msgspec.Struct, frozen=True, rename=WRITTEN_RATIO):
     """An efficiency of all waves together [1], or the mean power of the record [W].
 
-    `interval` holds 95 % by the waves, and by the sensors where `u_sensors`, their standard uncertainty, is known; `u_waves` is
-    that of the waves, `block` the length of the blocks that gave it, of several logs the longest [waves]. An efficiency leads
-    from and to the stages `between`.
+    `interval` holds 95 % by the waves, and by the sensors where `u_sensors`, their standard
+    uncertainty, is known; `u_waves` is that of the waves, `block` the length of the blocks that
+    gave it, of several logs the longest [waves]. An efficiency leads from and to the stages
+    `between`.
     """
 
     value: float | None
@@ -68,10 +77,13 @@ def ratio_of_sums(
 
     Parameters
     ----------
-    value : the ratio of the sums of y and x; of a record with waves in it that ratio makes a share of the value
-    x, y : (k,) of the waves in order of time, such as energies that go in and come out [J], or periods [s] and energies
+    value : the ratio of the sums of y and x; of a record with waves in it that ratio makes a share
+        of the value
+    x, y : (k,) of the waves in order of time, such as energies that go in and come out [J], or
+        periods [s] and energies
     share : the share of the value that the waves make, which alone is resampled [1]
-    counts : waves of each log, in order, where they are of several: no block leads from one log into another
+    counts : waves of each log, in order, where they are of several: no block leads from one log
+        into another
     errors : of the value by the sensors; None where an accuracy is unknown
     """
     u_sensors = None if errors is None else math.hypot(*(size for size, _ in errors))
@@ -80,15 +92,21 @@ def ratio_of_sums(
     rng, measured = np.random.default_rng(BOOTSTRAP["seed"]), float(y.sum()) / float(x.sum())
     logs = [log for log in np.split(np.array((x, y)), np.cumsum(counts)[:-1], axis=1) if log.size]
     blocks = [block_length(log[1] - measured * log[0]) for log in logs]
-    sums = np.sum([_resampled(log, block, rng) for log, block in zip(logs, blocks, strict=True)], axis=0)
+    sums = np.sum(
+        [_resampled(log, block, rng) for log, block in zip(logs, blocks, strict=True)], axis=0
+    )
     # Few blocks scatter less than what they are drawn from, and their scatter is known by few.
-    freedom = max(1, sum(math.ceil(log.shape[1] / block) for log, block in zip(logs, blocks, strict=True)) - 1)
+    freedom = max(
+        1, sum(math.ceil(log.shape[1] / block) for log, block in zip(logs, blocks, strict=True)) - 1
+    )
     around = share * math.sqrt(1.0 + 1.0 / freedom) * (sums[1] / sums[0] - measured)
     drawn = value + around * (student(freedom) / student(math.inf))
     root = math.sqrt(3.0)
     for size, shape in errors or ():  # independent of which waves came
         normal = shape == "normal"
-        drawn += size * (rng.standard_normal(drawn.size) if normal else rng.uniform(-root, root, drawn.size))
+        drawn += size * (
+            rng.standard_normal(drawn.size) if normal else rng.uniform(-root, root, drawn.size)
+        )
     low, high = np.quantile(drawn, (0.025, 0.975)).tolist()
     return RatioOfSums(value, (low, high), max(blocks), float(np.std(around)), u_sensors)
 
@@ -107,7 +125,8 @@ def _resampled(x: Signal, block: int, rng: np.random.Generator) -> Signal:
 
 
 def block_length(x: Signal) -> int:
-    """Length of the blocks of a circular block bootstrap of the mean of a series, from its autocorrelation; at most a third.
+    """Length of the blocks of a circular block bootstrap of the mean of a series, from its
+    autocorrelation; at most a third.
 
     >>> block_length(np.random.default_rng(0).normal(size=400))
     1
@@ -118,14 +137,18 @@ def block_length(x: Signal) -> int:
     if covariance[0] <= 0.0:
         return 1
     below = np.abs(covariance[1:] / covariance[0]) < SIGNIFICANT * math.sqrt(math.log10(n) / n)
-    run = max(5, math.ceil(math.sqrt(math.log10(n))))  # so many small ones in a row end the correlation
+    run = max(
+        5, math.ceil(math.sqrt(math.log10(n)))
+    )  # so many small ones in a row end the correlation
     ends = [lag for lag in range(below.size - run + 1) if below[lag : lag + run].all()]
     last = ends[0] if ends else int(np.max(np.flatnonzero(~below) + 1, initial=0))
     if last == 0:
         return 1
     reach = min(2 * last, lags)
     k = np.arange(-reach, reach + 1)
-    r = covariance[np.abs(k)] * np.minimum(1.0, 2.0 * (1.0 - np.abs(k) / reach))  # flat top of Politis and Romano 1995
+    r = covariance[np.abs(k)] * np.minimum(
+        1.0, 2.0 * (1.0 - np.abs(k) / reach)
+    )  # flat top of Politis and Romano 1995
     spread, slope = float(r.sum()), float(np.abs(k) @ r)
     if spread <= 0.0:
         return longest

@@ -1,7 +1,8 @@
-"""What a result states, each number once: tables, figures and sentences. Renderers lay it out and add nothing.
+"""What a result states, each number once: tables, figures and sentences. Renderers lay it out and
+add nothing.
 
-Texts are plain: metrics by their names (`eta_pto`), units as `ohm` and `N.m`, a hyphen for a minus. `glossary.typeset` sets
-them for a page.
+Texts are plain: metrics by their names (`eta_pto`), units as `ohm` and `N.m`, a hyphen for a minus.
+`glossary.typeset` sets them for a page.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ Tone = Literal["plain", "good", "warn"]
 
 
 class Measured(NamedTuple):
-    """A value with its standard uncertainty, which decides its digits; shown with it where `both`, with a plus where `signed`.
+    """A value with its standard uncertainty, which decides its digits; shown with it where `both`,
+    with a plus where `signed`.
 
     `alone`: it has decimals of its own in a column whose other numbers have theirs in common.
     """
@@ -46,7 +48,7 @@ Cell = str | float | Measured | Span | None
 """A text, a number, a number with its uncertainty, an interval, or None for what does not exist."""
 
 
-# -------------------------------------------------------------------------------------------------------- one rule of digits
+# ----------------------------------------------------------------------------- one rule of digits
 def places(u: float) -> int:
     """Decimals that a standard uncertainty allows: those of its first two digits (GUM 7.2.6).
 
@@ -62,7 +64,8 @@ def known(u: float | None) -> TypeGuard[float]:
 
 
 def number_text(value: float | None, decimals: int | None = None, *, signed: bool = False) -> str:
-    """Text of a number, with four significant digits unless its decimals are given; never a zero with a minus.
+    """Text of a number, with four significant digits unless its decimals are given; never a zero
+    with a minus.
 
     >>> number_text(None), number_text(-7114.9, -1), number_text(-0.0004, 3), number_text(2.0, 1, signed=True)
     ('-', '-7110', '0.000', '+2.0')
@@ -98,22 +101,28 @@ def shown(cell: Cell, decimals: int | None = None, *, signed: bool = False) -> s
 
 
 def common_places(cells: Iterable[Cell]) -> int | None:
-    """Decimals of a column: those of its median uncertainty, of two in the middle the smaller one; None without any.
+    """Decimals of a column: those of its median uncertainty, of two in the middle the smaller one;
+    None without any.
 
     >>> common_places([Measured(1439.0, 61.8), Measured(904.4, 14.5), Measured(488.4, 4.8), "text"])
     0
     """
-    weighed = [cell for cell in cells if isinstance(cell, Span) or (isinstance(cell, Measured) and not cell.alone)]
+    weighed = [
+        cell
+        for cell in cells
+        if isinstance(cell, Span) or (isinstance(cell, Measured) and not cell.alone)
+    ]
     allowed = sorted(places(cell.u) for cell in weighed if known(cell.u))
     return allowed[len(allowed) // 2] if allowed else None
 
 
-# ------------------------------------------------------------------------------------------------------------------ tables
+# ----------------------------------------------------------------------------------------- tables
 class Column(msgspec.Struct, Generic[T], frozen=True):
     """Column of a table: name, what its cell is for the item of a row, unit, and decimals.
 
-    `brief` ones stand in a terminal too. `signed` numbers above zero have a plus. `own_digits`: rows differ in quantity or
-    unit, so that each number has its own decimals. `link` is the address that a cell leads to on a page.
+    `brief` ones stand in a terminal too. `signed` numbers above zero have a plus. `own_digits`:
+    rows differ in quantity or unit, so that each number has its own decimals. `link` is the address
+    that a cell leads to on a page.
     """
 
     name: str
@@ -131,7 +140,11 @@ class Column(msgspec.Struct, Generic[T], frozen=True):
         return [self._text(cell, common) for cell in cells]
 
     def _text(self, cell: Cell, common: int | None) -> str:
-        if common is None or not isinstance(cell, Measured | Span) or (isinstance(cell, Measured) and cell.alone):
+        if (
+            common is None
+            or not isinstance(cell, Measured | Span)
+            or (isinstance(cell, Measured) and cell.alone)
+        ):
             return shown(cell, self.decimals, signed=self.signed)
         text = shown(cell._replace(u=None), common, signed=self.signed)
         return (
@@ -159,7 +172,9 @@ class Table(msgspec.Struct, Generic[T], frozen=True):
     @property
     def cells(self) -> list[list[Cell]]:
         """Rows as they are, unrounded."""
-        return [[column.of(item) for column in self.columns] for item in self.items] + [list(row) for row in self.below]
+        return [[column.of(item) for column in self.columns] for item in self.items] + [
+            list(row) for row in self.below
+        ]
 
     @property
     def texts(self) -> list[list[str]]:
@@ -177,10 +192,15 @@ class Table(msgspec.Struct, Generic[T], frozen=True):
     @property
     def addresses(self) -> list[list[str]]:
         """What the cells of the items lead to, "" where they do not."""
-        return [[column.link(item) if column.link else "" for column in self.columns] for item in self.items]
+        return [
+            [column.link(item) if column.link else "" for column in self.columns]
+            for item in self.items
+        ]
 
     def shortened(self, rows: Sequence[Sequence[str]], *, counted: bool = True) -> list[list[str]]:
-        """Texts of rows up to the limit, with one row in place of those left out; it states their number if `counted`."""
+        """Texts of rows up to the limit, with one row in place of those left out; it states
+        their number if `counted`.
+        """
         count, half = len(self.items), self.limit // 2
         if count <= self.limit + 1:
             return [list(row) for row in rows]
@@ -195,13 +215,21 @@ class Table(msgspec.Struct, Generic[T], frozen=True):
     def used(self) -> Table[T]:
         """The table without the columns that hold nothing; the first one stays."""
         rows = self.cells
-        keep = [k for k in range(len(self.columns)) if k == 0 or any(row[k] not in (None, "") for row in rows)]
+        keep = [
+            k
+            for k in range(len(self.columns))
+            if k == 0 or any(row[k] not in (None, "") for row in rows)
+        ]
         return msgspec.structs.replace(
-            self, columns=[self.columns[k] for k in keep], below=[[row[k] for k in keep] for row in self.below]
+            self,
+            columns=[self.columns[k] for k in keep],
+            below=[[row[k] for k in keep] for row in self.below],
         )
 
     def frame(self) -> pd.DataFrame:
-        """The table with units in the heads and numbers in full; intervals and uncertainties have columns of their own."""
+        """The table with units in the heads and numbers in full; intervals and uncertainties
+        have columns of their own.
+        """
         import pandas as pd
 
         found: dict[str, list[object]] = {}
@@ -215,14 +243,21 @@ class Table(msgspec.Struct, Generic[T], frozen=True):
                 names = [head, f"{head}, standard uncertainty"]
             for j, name in enumerate(names):
                 values: list[object] = [
-                    cell[j] if isinstance(cell, tuple) else cell if j == 0 else None for cell in cells
+                    cell[j] if isinstance(cell, tuple) else cell if j == 0 else None
+                    for cell in cells
                 ]
                 found[name if name not in found else f"{name}, {len(found)}"] = values
         return pd.DataFrame(found)
 
 
 def table(
-    name: str, caption: str, columns: Sequence[Column[T]], items: Iterable[T], *, note: str = "", brief: bool = True
+    name: str,
+    caption: str,
+    columns: Sequence[Column[T]],
+    items: Iterable[T],
+    *,
+    note: str = "",
+    brief: bool = True,
 ) -> Table[T] | None:
     """A table of some items; None without any."""
     listed = list(items)
@@ -236,9 +271,11 @@ PAIRS: tuple[Column[tuple[str, Cell]], ...] = (
 """Columns of a table of two texts."""
 
 
-# --------------------------------------------------------------------------------------------------------- the other blocks
+# ------------------------------------------------------------------------------- the other blocks
 class Note(msgspec.Struct, frozen=True):
-    """A sentence, what it is about, and whether it is a warning; `brief` ones stand in a terminal too."""
+    """A sentence, what it is about, and whether it is a warning; `brief` ones stand in a
+    terminal too.
+    """
 
     text: str
     about: str = ""
@@ -247,7 +284,9 @@ class Note(msgspec.Struct, frozen=True):
 
 
 class Picture(msgspec.Struct, frozen=True):
-    """A figure, its caption, and what it shows in words; `histories` is the JSON of an interactive one (`render/page.py`)."""
+    """A figure, its caption, and what it shows in words; `histories` is the JSON of an
+    interactive one (`render/page.py`).
+    """
 
     id: str
     caption: str
@@ -256,7 +295,9 @@ class Picture(msgspec.Struct, frozen=True):
     histories: str = ""
 
 
-def picture(figure: Figure | None, name: str, caption: str, alt: str, histories: str = "") -> Picture | None:
+def picture(
+    figure: Figure | None, name: str, caption: str, alt: str, histories: str = ""
+) -> Picture | None:
     """A figure as a block; None for none."""
     return None if figure is None else Picture(name, caption, alt, figure, histories)
 
@@ -265,7 +306,9 @@ Block = Table[Any] | Picture | Note
 
 
 class Section(msgspec.Struct, frozen=True):
-    """A heading and what stands under it; a `folded` one is opened by the reader, and open in print."""
+    """A heading and what stands under it; a `folded` one is opened by the reader, and open in
+    print.
+    """
 
     id: str
     heading: str
@@ -279,7 +322,9 @@ def section(name: str, heading: str, *blocks: Block | None, folded: bool = False
 
 
 class Tile(msgspec.Struct, frozen=True):
-    """One number of the first screen: its name, what it is, its value as shown, and what stands below it."""
+    """One number of the first screen: its name, what it is, its value as shown, and what stands
+    below it.
+    """
 
     name: str
     about: str
@@ -297,7 +342,8 @@ class Link(msgspec.Struct, frozen=True):
 class Report(msgspec.Struct, frozen=True):
     """Everything that is said of a result, in order.
 
-    `banner` is a warning on every page. `lead` is a figure beside the tiles. `verdict` is the last line in a terminal.
+    `banner` is a warning on every page. `lead` is a figure beside the tiles. `verdict` is the last
+    line in a terminal.
     """
 
     kind: str

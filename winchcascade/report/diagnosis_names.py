@@ -1,4 +1,6 @@
-"""What a diagnosis calls its things: effects with their numbers, places of the gap, nuisances, logs; as plain texts."""
+"""What a diagnosis calls its things: effects with their numbers, places of the gap, nuisances,
+logs; as plain texts.
+"""
 
 from __future__ import annotations
 
@@ -36,9 +38,11 @@ NAMES = {name: term.label for name, term in CHANNELS.items()}
 """Channels of a diagnosis."""
 
 
-# ---------------------------------------------------------------------------------------------------- numbers of effects
+# ----------------------------------------------------------------------------- numbers of effects
 def display_of(effect: str, name: str, unit: str = "") -> Display:
-    """How a number is shown; one of an effect from elsewhere, or in another unit than the effect, by its own name and unit."""
+    """How a number is shown; one of an effect from elsewhere, or in another unit than the
+    effect, by its own name and unit.
+    """
     known = EFFECTS.get(effect_name(effect))
     if known is not None and (name == known.parameter or unit in ("1", "relative", "", known.unit)):
         return known.display
@@ -54,7 +58,8 @@ def shown_as(found: DiagnosisResult, cause: NamedCause, name: str = "") -> Displ
 
 
 def number_words(how: Display, found: Reported, otherwise: int = 5) -> tuple[str, str]:
-    """A number and its 95 % interval with their unit, with the digits that the interval allows, else with `otherwise`.
+    """A number and its 95 % interval with their unit, with the digits that the interval allows,
+    else with `otherwise`.
 
     >>> number_words(Display("slope", 1.0, "ohm"), Reported(0.07, -math.inf, math.inf, "ohm"), otherwise=2)
     ('+0.070 ohm', 'not determined by these logs')
@@ -107,7 +112,7 @@ def range_words(value: Reported) -> str:
     return ends.get(value.at_limit or "", "beyond what is plausible" if value.beyond_range else "")
 
 
-# ------------------------------------------------------------------------------------------------- places and nuisances
+# --------------------------------------------------------------------------- places and nuisances
 _RIG_NUMBERS = {
     "r_drum": "drum radius",
     "inertia": "inertia at the drum",
@@ -164,7 +169,8 @@ def nuisance_words(n: Nuisance, files: Sequence[str]) -> str:
         "load": f"load of {load_words(n.load, 'ohm')}",
         "gain": f"gain of {name}",
         "timing": f"timing of {name}",
-        "zero": f"zero of {name} in {files[n.log] if 0 <= n.log < len(files) else f'log {n.log + 1}'}",
+        "zero": f"zero of {name} in "
+        f"{files[n.log] if 0 <= n.log < len(files) else f'log {n.log + 1}'}",
         "discrepancy": str(msgspec.structs.replace(n, name=name)),
     }[n.kind]
 
@@ -192,7 +198,9 @@ def spot_words(spot: Spot, names: Mapping[str, str] = NAMES) -> str:
     >>> spot_words(Spot("idc", "haul_in")), spot_words(Spot("idc", "payout", within_blocks=True), {})
     ('Idc during haul-in', 'idc within blocks of payout')
     """
-    channel = channel_words(spot.channel) if names is NAMES else names.get(spot.channel, spot.channel)
+    channel = (
+        channel_words(spot.channel) if names is NAMES else names.get(spot.channel, spot.channel)
+    )
     if spot.phase is None:
         return channel
     return f"{channel} {'within blocks of' if spot.within_blocks else 'during'} {phase_words(spot.phase)}"
@@ -228,14 +236,16 @@ def alarm_place(alarm: Alarm, files: Sequence[str]) -> str:
     return f"{about_words(alarm.about, files)}{at_words(alarm.about.load) if isinstance(alarm.about, Spot) else ''}"
 
 
-# -------------------------------------------------------------------------------------------------- logs and comparisons
+# --------------------------------------------------------------------------- logs and comparisons
 def origins_of(found: DiagnosisResult) -> list[Origin]:
     """Where the data of each log come from."""
     return [run.origin for run in found.runs]
 
 
 def word_of(found: DiagnosisResult) -> str:
-    """What the logs are called: `measured` where that is stated of all of them, else `log` or, of a power, `logged`."""
+    """What the logs are called: `measured` where that is stated of all of them, else `log` or,
+    of a power, `logged`.
+    """
     word = joint_origin(origins_of(found)).word
     return "logged" if isinstance(found, StageDiagnosis) and word == "log" else word
 
@@ -246,7 +256,9 @@ def files_of(found: DiagnosisResult) -> list[str]:
 
 
 def items_of(found: DiagnosisResult) -> list[str]:
-    """Names of what the number of a cause is estimated from one by one: the runs or, without a model, their cycles."""
+    """Names of what the number of a cause is estimated from one by one: the runs or, without a
+    model, their cycles.
+    """
     return found.data.cycle_names if isinstance(found, StageDiagnosis) else files_of(found)
 
 
@@ -257,7 +269,9 @@ def runs_with_number(cause: NamedCause) -> list[int]:
 
 
 def has_own_simulation(found: DiagnosisResult) -> bool:
-    """Whether the logs are compared with a simulation of the owner and not with the model of the rig file."""
+    """Whether the logs are compared with a simulation of the owner and not with the model of the
+    rig file.
+    """
     return isinstance(found, ModelDiagnosis) and found.own_simulation is not None
 
 

@@ -1,4 +1,6 @@
-"""Results as rows of tables, with units in the names of the columns: what Parquet tables and frames hold."""
+"""Results as rows of tables, with units in the names of the columns: what Parquet tables and
+frames hold.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,12 @@ from winchcascade.core.files import check_replaceable, write_whole
 from winchcascade.core.run import Run
 from winchcascade.core.store import make_one
 from winchcascade.reduction.efficiency import FIELDS
-from winchcascade.reduction.run_record import REDUCTION_SCHEMA, RunRecord, finding_record, reduction_record
+from winchcascade.reduction.run_record import (
+    REDUCTION_SCHEMA,
+    RunRecord,
+    finding_record,
+    reduction_record,
+)
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -29,7 +36,11 @@ RUN_ENDS = ("", "_standard_uncertainty", "_low_95", "_high_95", "_max_deviation_
 RUNS_MAX = 25
 """Columns of the table of runs at most: more do not fit on a screen; `runs_all` has all."""
 
-_KINDS = {"eta": ("", "_standard_uncertainty", "_max_deviation_percent"), "energy": ("",), "power": ("",)}
+_KINDS = {
+    "eta": ("", "_standard_uncertainty", "_max_deviation_percent"),
+    "energy": ("",),
+    "power": ("",),
+}
 """Kinds of metrics in the order of the table of runs, and what follows their names there."""
 
 _METRICS = " ".join(FIELDS.values())
@@ -56,7 +67,8 @@ COLUMNS = {
         beyond_range:bool alternatives:str""",
     "contributions": """run:str load_ohm plateau_speed_mps metric:str as_given measured effect:str kind:str
         value low high unit:str""",
-    "map": "file:str load_ohm channel:str phase:str blocks:int bias rms noise u_noise u_repeat u_tolerance unit:str z",
+    "map": "file:str load_ohm channel:str phase:str blocks:int bias rms noise u_noise u_repeat "
+    "u_tolerance unit:str z",
     "stability": "effect:str parameter:str run:str value low high unit:str reason:str",
     "differences": """run:str load_ohm metric:str a b difference relative low_95 high_95 standard_uncertainty
         degrees_of_freedom excludes_zero:bool repeatability sensors unit:str""",
@@ -64,7 +76,9 @@ COLUMNS = {
 """Columns of each table, in order, with their types; those without are numbers."""
 
 
-def table_schema(table: str, about: Mapping[str, str] | None = None, cascades: Iterable[Cascade] = ()) -> pa.Schema:
+def table_schema(
+    table: str, about: Mapping[str, str] | None = None, cascades: Iterable[Cascade] = ()
+) -> pa.Schema:
     """Arrow schema of a table.
 
     Parameters
@@ -76,15 +90,23 @@ def table_schema(table: str, about: Mapping[str, str] | None = None, cascades: I
 
     kinds = {"str": pa.string(), "": pa.float64(), "int": pa.int64(), "bool": pa.bool_()}
     columns = COLUMNS[table].split()
-    columns += _metrics_of_runs(cascades)[: RUNS_MAX - len(columns)] if table == "runs" else _own(table, cascades)
-    fields = [(name, kinds[kind]) for name, _, kind in (column.partition(":") for column in columns)]
+    columns += (
+        _metrics_of_runs(cascades)[: RUNS_MAX - len(columns)]
+        if table == "runs"
+        else _own(table, cascades)
+    )
+    fields = [
+        (name, kinds[kind]) for name, _, kind in (column.partition(":") for column in columns)
+    ]
     return pa.schema(fields, metadata=dict(about or {}))
 
 
 def _metrics_of_runs(cascades: Iterable[Cascade]) -> list[str]:
-    """Columns of the metrics in the table of runs: efficiencies with uncertainty and deviation, energies, powers.
+    """Columns of the metrics in the table of runs: efficiencies with uncertainty and deviation,
+    energies, powers.
 
-    Those of the stages that the rigs have, of the paper's without a rig; of whole cycles only `runs_all` has them.
+    Those of the stages that the rigs have, of the paper's without a rig; of whole cycles only
+    `runs_all` has them.
     """
     metrics = dict.fromkeys(m for cascade in list(cascades) or [PAPER] for m in cascade.metrics)
     return [
@@ -109,13 +131,15 @@ def _own_ends(table: str, metric: str) -> tuple[str, ...]:
     return ends.get(table, ())
 
 
-# ------------------------------------------------------------------------------------------------------ tables of reductions
+# --------------------------------------------------------------------------- tables of reductions
 def write_parquet(reduction: Reduction, folder: Path, *, force: bool = False) -> list[Path]:
-    """Write cycles, bins and findings of one log as Parquet tables, with names and units as in the JSON.
+    """Write cycles, bins and findings of one log as Parquet tables, with names and units as in the
+    JSON.
 
     Raises
     ------
-    OutputError : the folder cannot be made, or holds a file of that name that this tool did not write
+    OutputError : the folder cannot be made, or holds a file of that name that this tool did not
+        write
     """
     import pyarrow as pa
     from pyarrow import parquet
@@ -126,12 +150,21 @@ def write_parquet(reduction: Reduction, folder: Path, *, force: bool = False) ->
     for path in files.values():
         check_replaceable(path, force=force)
     run, cascade = reduction.run, reduction.rig.cascade
-    about = {"schema": REDUCTION_SCHEMA, "log": run.name, "sha256": run.sha256, "rig": reduction.rig.name}
+    about = {
+        "schema": REDUCTION_SCHEMA,
+        "log": run.name,
+        "sha256": run.sha256,
+        "rig": reduction.rig.name,
+    }
     about |= {} if run.load is None else {"load_ohm": repr(run.load)}
     rows = table_rows(run.name, reduction_record(reduction))
     for table, path in files.items():
         content = pa.Table.from_pylist(rows[table], schema=table_schema(table, about, [cascade]))
-        write_whole(path, lambda part, content=content: parquet.write_table(content, part), force=force)  # type: ignore[misc]
+        write_whole(
+            path,
+            lambda part, content=content: parquet.write_table(content, part),
+            force=force,  # type: ignore[misc]
+        )
     return list(files.values())
 
 
@@ -188,7 +221,11 @@ def _flat_cycle(cycle: Row) -> Row:
 def _flat_finding(begin: Row, finding: Row) -> Row:
     """A finding in one row, with what it changed of the log."""
     repaired = finding["repaired"] or {}
-    return begin | finding | {"repair": repaired.get("what"), "repair_applied": repaired.get("applied")}
+    return (
+        begin
+        | finding
+        | {"repair": repaired.get("what"), "repair_applied": repaired.get("applied")}
+    )
 
 
 def finding_rows(run: Run) -> list[Row]:

@@ -30,7 +30,16 @@ if TYPE_CHECKING:
 
 _PARAMETER = ("value", "low", "high")
 _PLACE = ("bias", "rms", "noise", "u_noise", "u_repeat", "u_tolerance")
-_DIFFERENCE = ("a", "b", "difference", "low_95", "high_95", "standard_uncertainty", "repeatability", "sensors")
+_DIFFERENCE = (
+    "a",
+    "b",
+    "difference",
+    "low_95",
+    "high_95",
+    "standard_uncertainty",
+    "repeatability",
+    "sensors",
+)
 
 
 def reduction_frame(reduction: Reduction, table: str, units: Units) -> pd.DataFrame:
@@ -41,19 +50,29 @@ def reduction_frame(reduction: Reduction, table: str, units: Units) -> pd.DataFr
 
 def campaign_frame(campaign: CampaignReduction, table: str, units: Units) -> pd.DataFrame:
     """The runs of a campaign, or the cycles, bins or findings of all of them."""
-    rows = [row for name, record in campaign.records.items() for row in table_rows(name, record)[table]]
+    rows = [
+        row for name, record in campaign.records.items() for row in table_rows(name, record)[table]
+    ]
     return _of_table(table, rows, campaign.cascades, units)
 
 
-def _of_table(table: str, rows: list[Row], cascades: Iterable[Cascade], units: Units) -> pd.DataFrame:
+def _of_table(
+    table: str, rows: list[Row], cascades: Iterable[Cascade], units: Units
+) -> pd.DataFrame:
     """Rows as a frame; efficiencies in percent for display, as deviations are already."""
     found = _frame(rows, table_schema(table, cascades=cascades))
     if units == "si":
         return found
-    ratios = [name for name in found.columns if name.startswith("eta_") and not name.endswith(RUN_ENDS[-1])]
+    ratios = [
+        name
+        for name in found.columns
+        if name.startswith("eta_") and not name.endswith(RUN_ENDS[-1])
+    ]
     ends = {name: next((end for end in RUN_ENDS[1:] if name.endswith(end)), "") for name in ratios}
     found[ratios] = 100.0 * found[ratios]
-    return found.rename(columns={name: f"{name.removesuffix(end)}_percent{end}" for name, end in ends.items()})
+    return found.rename(
+        columns={name: f"{name.removesuffix(end)}_percent{end}" for name, end in ends.items()}
+    )
 
 
 def _frame(rows: list[Row], schema: pa.Schema) -> pd.DataFrame:
@@ -80,7 +99,9 @@ def _shown(unit: str, units: Units) -> tuple[str, float]:
     return _DISPLAY.get(unit, (unit, 1.0)) if units == "display" else (unit, 1.0)
 
 
-def run_frame(run: Run, units: Units = "si", channels: Mapping[str, Channel] = CHANNELS) -> pd.DataFrame:
+def run_frame(
+    run: Run, units: Units = "si", channels: Mapping[str, Channel] = CHANNELS
+) -> pd.DataFrame:
     """Stamps [s] and channels of a log after the checks, a row for each sample.
 
     Parameters
@@ -98,7 +119,9 @@ def run_frame(run: Run, units: Units = "si", channels: Mapping[str, Channel] = C
 
 
 def simulation_frame(found: Simulation, units: Units) -> pd.DataFrame:
-    """What the sensors of a simulated log give, and what has no sensor: speed, current and torque of the generator."""
+    """What the sensors of a simulated log give, and what has no sensor: speed, current and
+    torque of the generator.
+    """
     channels = given_rig("to_pandas", None, found.run.rig).known_channels
     return run_frame(found.run, units, channels).assign(
         speed_gen_rpm=found.rpm_gen, i_s_a=found.i_s, torque_em_nm=found.torque_em
@@ -118,9 +141,11 @@ def run_findings_frame(run: Run) -> pd.DataFrame:
 
 
 def samples_frame(reduction: Reduction, units: Units) -> pd.DataFrame:
-    """Channels and powers of the stages of every sample, its cycle and phase, and whether it lies in an integration window.
+    """Channels and powers of the stages of every sample, its cycle and phase, and whether it lies
+    in an integration window.
 
-    Before the first onset, between cycles and after the last the cycle is missing and the phase is empty.
+    Before the first onset, between cycles and after the last the cycle is missing and the phase is
+    empty.
     """
     import pandas as pd
 
@@ -147,7 +172,9 @@ def samples_frame(reduction: Reduction, units: Units) -> pd.DataFrame:
 def _in_unit(row: Row, names: Iterable[str], unit: str, factor: float) -> Row:
     """A row with some of its numbers in another unit, which it states; its load as a number."""
     load = row.get("load_ohm")  # inf is a text in JSON
-    scaled = {name: None if row[name] is None else row[name] * factor for name in names if name in row}
+    scaled = {
+        name: None if row[name] is None else row[name] * factor for name in names if name in row
+    }
     return {**row, **scaled, "unit": unit, "load_ohm": None if load is None else float(load)}
 
 
@@ -178,7 +205,9 @@ def comparison_frame(found: Comparison, units: Units) -> pd.DataFrame:
 
 
 def diagnosis_frame(found: DiagnosisResult, table: str, units: Units) -> pd.DataFrame:
-    """One table of a diagnosis, in a row for each number: causes, parts of metrics, places of the map, causes run by run."""
+    """One table of a diagnosis, in a row for each number: causes, parts of metrics, places of
+    the map, causes run by run.
+    """
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
     from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
     from winchcascade.report.results.diagnosis_record import as_json, map_record
@@ -186,10 +215,17 @@ def diagnosis_frame(found: DiagnosisResult, table: str, units: Units) -> pd.Data
     assert isinstance(found, ModelDiagnosis | StageDiagnosis)  # there are no others
     if table == "map":
         places = map_record(found)
-        rows = [_in_unit(p, _PLACE, *_shown(si_unit(CHANNELS[p["channel"]].dimension), units)) for p in places]
+        rows = [
+            _in_unit(p, _PLACE, *_shown(si_unit(CHANNELS[p["channel"]].dimension), units))
+            for p in places
+        ]
     elif table == "contributions":
         rows = [
-            _in_unit(one | part, ("as_given", "measured", *_PARAMETER), *_metric_unit(one["metric"], units))
+            _in_unit(
+                one | part,
+                ("as_given", "measured", *_PARAMETER),
+                *_metric_unit(one["metric"], units),
+            )
             for one in as_json(found).get("contributions", [])
             for part in one["parts"] or [dict.fromkeys(("effect", "kind", *_PARAMETER))]
         ]
@@ -207,7 +243,8 @@ def _numbers_of(cause: Row) -> list[Row]:
     """A row for each number of a cause."""
     rivals = ", ".join(rival["effect"] for rival in cause["rivals"])
     return [
-        {**cause, "parameter": name, "alternatives": rivals, **number} for name, number in cause["parameters"].items()
+        {**cause, "parameter": name, "alternatives": rivals, **number}
+        for name, number in cause["parameters"].items()
     ]
 
 
@@ -219,7 +256,9 @@ def _run_by_run(cause: Row) -> list[Row]:
     ]
 
 
-def _cause_unit(found: DiagnosisResult, named: NamedCause, parameter: str, units: Units) -> tuple[str, float]:
+def _cause_unit(
+    found: DiagnosisResult, named: NamedCause, parameter: str, units: Units
+) -> tuple[str, float]:
     """Unit of a number of a cause, and the factor to it from that of the JSON."""
     unit = named.parameters[parameter].unit
     if units == "si":

@@ -1,4 +1,6 @@
-"""Names of the field, each once: metrics, channels and phases with symbol, label, unit, factor, decimals; how texts are set."""
+"""Names of the field, each once: metrics, channels and phases with symbol, label, unit, factor,
+decimals; how texts are set.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,9 @@ from winchcascade.core.quantity import KGCM2
 
 
 class Term(NamedTuple):
-    """A quantity: symbol, label, unit in which it is shown, factor from SI units to that, and decimals without uncertainty."""
+    """A quantity: symbol, label, unit in which it is shown, factor from SI units to that, and
+    decimals without uncertainty.
+    """
 
     symbol: str
     label: str
@@ -18,7 +22,13 @@ class Term(NamedTuple):
     decimals: int = 0
 
 
-STAGE_PLACES = {"line": "line", "mech": "shaft", "gen": "DC link", "hyd": "hydraulic circuit", "ac": "AC terminals"}
+STAGE_PLACES = {
+    "line": "line",
+    "mech": "shaft",
+    "gen": "DC link",
+    "hyd": "hydraulic circuit",
+    "ac": "AC terminals",
+}
 """Where the power of a stage is taken; a stage of a rig file has its own name."""
 
 CHANNELS = {
@@ -55,7 +65,11 @@ NET = {
 }
 """Metrics of whole cycles."""
 
-KINDS = {"energy": ("E", "energy", "J", 0), "power": ("P", "mean power", "W", 0), "eta": ("η", "efficiency", "", 3)}
+KINDS = {
+    "energy": ("E", "energy", "J", 0),
+    "power": ("P", "mean power", "W", 0),
+    "eta": ("η", "efficiency", "", 3),
+}
 """Letter, label, unit and decimals of a metric by how its name begins."""
 
 
@@ -70,7 +84,9 @@ def metric(name: str) -> Term:
     kind, _, place = name.partition("_")
     letter, label, unit, decimals = KINDS[kind]
     where = STAGE_PLACES.get(place, place.replace("_", " "))
-    return Term(f"{letter}_{place}", label if kind == "eta" else f"{label}, {where}", unit, 1.0, decimals)
+    return Term(
+        f"{letter}_{place}", label if kind == "eta" else f"{label}, {where}", unit, 1.0, decimals
+    )
 
 
 def short(name: str) -> str:
@@ -89,11 +105,14 @@ def tex(name: str) -> str:
     ('$\\\\eta_\\\\mathrm{trans}$', '$E_\\\\mathrm{gen}$')
     """
     letter, _, place = metric(name).symbol.partition(", ")[0].partition("_")
-    return "$" + letter.replace("η", r"\eta") + rf"_\mathrm{{{place.replace('_', chr(92) + 'to ')}}}$"
+    return (
+        "$" + letter.replace("η", r"\eta") + rf"_\mathrm{{{place.replace('_', chr(92) + 'to ')}}}$"
+    )
 
 
 def upper(text: str) -> str:
-    """A text that begins with a capital letter, unless its first word is a symbol or the name of a field.
+    """A text that begins with a capital letter, unless its first word is a symbol or the name of a
+    field.
 
     >>> upper("no fault was found"), upper("k_e agrees")
     ('No fault was found', 'k_e agrees')
@@ -101,13 +120,15 @@ def upper(text: str) -> str:
     return text if "_" in text.partition(" ")[0] else text[:1].upper() + text[1:]
 
 
-# --------------------------------------------------------------------------------------------- how a page sets plain texts
+# -------------------------------------------------------------------- how a page sets plain texts
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 _PLACES = ("line", "mech", "gen", "trans", "pto", "net", "payout", "returned", "hyd", "ac")
 """What the name of a metric ends with: its stage, its stages, or its part of a whole cycle."""
 
-_METRIC = re.compile(rf"(?<![\w/.-])(?:(?:energy|power|eta|E|P)_(?:gen_cycle|{'|'.join(_PLACES)}))(?![\w/]|\.\w|=\d)")
+_METRIC = re.compile(
+    rf"(?<![\w/.-])(?:(?:energy|power|eta|E|P)_(?:gen_cycle|{'|'.join(_PLACES)}))(?![\w/]|\.\w|=\d)"
+)
 _SIGNS: tuple[tuple[str, str], ...] = (
     (r"(?<=\d) ohm\b(?!\.\w)", "\u00a0Ω"),
     (r"(?<!--load-)(?<!\w-)\bohm\b(?!\.\w)", "Ω"),
@@ -123,7 +144,8 @@ _SIGNS: tuple[tuple[str, str], ...] = (
 
 
 def typeset(text: str) -> str:
-    """A plain text with symbols for names of metrics and signs for units; names of files and effects stay.
+    """A plain text with symbols for names of metrics and signs for units; names of files and
+    effects stay.
 
     >>> typeset("run 9 ohm.csv"), typeset("--uncertainty eta_pto=0.001")
     ('run 9 ohm.csv', '--uncertainty eta_pto=0.001')
@@ -136,7 +158,9 @@ def typeset(text: str) -> str:
         return "–"
     for plain, sign in _SIGNS:
         text = re.sub(plain, sign, text)
-    text = re.sub(r"(?<=\d)e([-+]\d+)\b", lambda found: f"×10{str(int(found[1])).translate(RAISED)}", text)
+    text = re.sub(
+        r"(?<=\d)e([-+]\d+)\b", lambda found: f"×10{str(int(found[1])).translate(RAISED)}", text
+    )
     return _METRIC.sub(lambda found: _symbol(found[0]), text)
 
 
@@ -150,7 +174,9 @@ SUBSCRIPTS = ("gen, cycle", *_PLACES, "max", "min", "mean", "hold")
 SUBSCRIPT = re.compile(rf"(?<![\w/.-])([EPFvpητ])_({'|'.join(SUBSCRIPTS)})\b(?![\w/]|\.\w)")
 """A symbol with a subscript."""
 
-_UNSHOWN = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]")
+_UNSHOWN = re.compile(
+    "[\x00-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]"
+)
 """Control characters, marks of writing direction, and bytes of a name that are no text."""
 
 MAX_CHARACTERS = 1000
@@ -163,7 +189,9 @@ def clean(text: str) -> str:
     >>> clean("a\\x07b")
     'a⟨U+0007⟩b'
     """
-    text = _UNSHOWN.sub(lambda found: " " if found[0] in "\n\r\t" else f"⟨U+{ord(found[0]):04X}⟩", text)
+    text = _UNSHOWN.sub(
+        lambda found: " " if found[0] in "\n\r\t" else f"⟨U+{ord(found[0]):04X}⟩", text
+    )
     if len(text) > MAX_CHARACTERS:
         text = f"{text[:MAX_CHARACTERS]} … ({len(text) - MAX_CHARACTERS} characters more)"
     return text

@@ -61,7 +61,9 @@ def write_loss_map(found: LossMap, path: Path, source: str, *, force: bool = Fal
     elif ending == ".mat":
         write_content(path, matlab_bytes("loss_map", record), force=force)
     else:
-        write_content(path, json_bytes(msgspec.to_builtins(record, enc_hook=np.ndarray.tolist)), force=force)
+        write_content(
+            path, json_bytes(msgspec.to_builtins(record, enc_hook=np.ndarray.tolist)), force=force
+        )
 
 
 def _record(found: LossMap, source: str) -> dict[str, Any]:
@@ -80,10 +82,16 @@ def _record(found: LossMap, source: str) -> dict[str, Any]:
         motion: found.motion,
         "loss_w": np.where(found.inside, found.loss, np.nan),
         "loss_standard_uncertainty_w": np.where(found.inside, found.u_loss, np.nan),
-        "grid": {"loss_w": found.loss, "loss_standard_uncertainty_w": found.u_loss, "inside": found.inside * 1.0},
+        "grid": {
+            "loss_w": found.loss,
+            "loss_standard_uncertainty_w": found.u_loss,
+            "inside": found.inside * 1.0,
+        },
         "hull": {motion: found.hull[:, 0], load: found.hull[:, 1]},
         "laws": {
-            one.name.partition("(")[0]: {name: getattr(one.number, name) for name in ("value", "low", "high", "unit")}
+            one.name.partition("(")[0]: {
+                name: getattr(one.number, name) for name in ("value", "low", "high", "unit")
+            }
             | {"alternatives": list(one.alternatives)}
             for one in found.laws
         },
@@ -107,9 +115,12 @@ def _csv(record: dict[str, Any], found: LossMap) -> tuple[bytes, bytes]:
     and the grid.
     """
     motion, load = (FIELDS[name] for name in found.axes)
-    laws = ", ".join(f"{name} {one['value']:.6g} {one['unit']}" for name, one in record["laws"].items())
+    laws = ", ".join(
+        f"{name} {one['value']:.6g} {one['unit']}" for name, one in record["laws"].items()
+    )
     head = (
-        f"# Loss map by {GENERATOR} from {' '.join(str(record['source']).replace(',', ';').split())}\n"
+        f"# Loss map by {GENERATOR} from "
+        f"{' '.join(str(record['source']).replace(',', ';').split())}\n"
         f"# loss in W from {record['stage_in']} to {record['stage_out']}\n"
         f"# laws: {laws or 'none'}\n"
     )
@@ -117,8 +128,14 @@ def _csv(record: dict[str, Any], found: LossMap) -> tuple[bytes, bytes]:
     above = ",".join([f"{load}\\{motion}", *(f"{speed:.9g}" for speed in found.motion)])
     grid = [one.ravel() for one in (x, y, found.loss, found.u_loss, found.inside)]
     return (
-        _written(f"{head}# rows: {load}, columns: {motion}\n{above}", np.column_stack([found.load, record["loss_w"]])),
-        _written(f"{head}{motion},{load},loss_w,loss_standard_uncertainty_w,inside", np.column_stack(grid)),
+        _written(
+            f"{head}# rows: {load}, columns: {motion}\n{above}",
+            np.column_stack([found.load, record["loss_w"]]),
+        ),
+        _written(
+            f"{head}{motion},{load},loss_w,loss_standard_uncertainty_w,inside",
+            np.column_stack(grid),
+        ),
     )
 
 

@@ -1,4 +1,6 @@
-"""Plots of results: what each class has to draw, and how it is drawn on the Axes of the caller or on new ones."""
+"""Plots of results: what each class has to draw, and how it is drawn on the Axes of the caller
+or on new ones.
+"""
 
 from __future__ import annotations
 
@@ -62,13 +64,17 @@ def plots_of(result: object) -> Plots:
     reject_result("plot", "plot", result, plots_of.registry)
 
 
-def _single(draw: Callable[..., object], *drawn: object, lacks: str = "", height: float = 2.9) -> Plot:
+def _single(
+    draw: Callable[..., object], *drawn: object, lacks: str = "", height: float = 2.9
+) -> Plot:
     """A plot on one Axes by a function of these and of what is `drawn`."""
     return Plot(lambda axes: draw(axes[0], *drawn), lacks, height=height)
 
 
 def _history(rows: int, make: Callable[[], History]) -> Plot:
-    """Panels of a history one below the other, as many as rows; the history is made when it is drawn."""
+    """Panels of a history one below the other, as many as rows; the history is made when it is
+    drawn.
+    """
     from winchcascade.report.figures.histories import draw_history
 
     return Plot(lambda axes: draw_history(axes, make()), "", rows, 2.9 if rows == 1 else 1.2, "x")
@@ -82,7 +88,11 @@ def _(result: Run) -> Plots:
     known = [name for name, *_ in channels_drawn(result, given_rig("plot", None, result.rig))]
     groups = {group: [name for name in names if name in known] for group, names in GROUPS.items()}
     drawn = {"history": known, **groups, **{name: [name] for name in known}}
-    return {what: _history(len(names), partial(run_history, result, names)) for what, names in drawn.items() if names}
+    return {
+        what: _history(len(names), partial(run_history, result, names))
+        for what, names in drawn.items()
+        if names
+    }
 
 
 @plots_of.register(Simulation)
@@ -93,7 +103,9 @@ def _(result: Simulation) -> Plots:
 
 @plots_of.register(Reduction)
 def _(result: Reduction) -> Plots:
-    """Powers of one cycle, histories of the log, powers over generator speed, efficiencies of the cycles."""
+    """Powers of one cycle, histories of the log, powers over generator speed, efficiencies of
+    the cycles.
+    """
     from winchcascade.report.figures import histories
     from winchcascade.report.figures import reduction_figures as figures
 
@@ -124,26 +136,36 @@ def _draw_efficiencies(ax: axes.Axes, reduction: Reduction, ratios: Sequence[str
 
 @plots_of.register(CampaignReduction)
 def _(result: CampaignReduction) -> Plots:
-    """Mean powers or efficiencies of the runs over their loads, power at the DC link over generator speed."""
+    """Mean powers or efficiencies of the runs over their loads, power at the DC link over
+    generator speed.
+    """
     from winchcascade.report.figures import campaign_figures as figures
 
     reduced = result.summary.reduced
     runs = [run for run in runs_by_load(reduced) if not run.open_circuit] or reduced
     bins = {name: found for name, found in result.bins.items() if found}
     lacks = "" if runs else "a run that could be reduced"
-    made = {what: _single(figures.draw_over_load, runs, what, lacks=lacks) for what in ("power", "efficiency")}
+    made = {
+        what: _single(figures.draw_over_load, runs, what, lacks=lacks)
+        for what in ("power", "efficiency")
+    }
     without = lacks or ("" if bins else "the speed of the generator in a run")
     return {**made, "speed": _single(figures.draw_power_over_speed, runs, bins, lacks=without)}
 
 
 @plots_of.register(DiagnosisResult)
 def _(result: DiagnosisResult) -> Plots:
-    """The map of the gap (without a model by phase alone), or, of a model, what each cause costs of an efficiency, by load."""
+    """The map of the gap (without a model by phase alone), or, of a model, what each cause costs
+    of an efficiency, by load.
+    """
     from winchcascade.report.figures.diagnosis_figures import draw_gap_map
 
     height = 0.6 + 0.235 * len({(place.channel, place.phase) for place in result.places})
     lacks = "" if result.places else "a place with a gap that can be weighed"
-    return {"map": _single(draw_gap_map, result, lacks=lacks, height=height), "waterfall": _waterfalls(result)}
+    return {
+        "map": _single(draw_gap_map, result, lacks=lacks, height=height),
+        "waterfall": _waterfalls(result),
+    }
 
 
 def _waterfalls(found: DiagnosisResult) -> Plot:
@@ -153,7 +175,11 @@ def _waterfalls(found: DiagnosisResult) -> Plot:
     from winchcascade.report.figures.cause_figures import BAR, draw_waterfalls
 
     if not isinstance(found, ModelDiagnosis):
-        return Plot(list, "a model that splits an efficiency by its causes, of a rig file with all numbers of the rig")
+        return Plot(
+            list,
+            "a model that splits an efficiency by its causes, of a rig file with all numbers of "
+            "the rig",
+        )
     largest = worst_costs(found)
     if largest is None:
         return Plot(list, "a split of an efficiency at a load")
@@ -167,7 +193,9 @@ def _waterfalls(found: DiagnosisResult) -> Plot:
 
 @plots_of.register(Comparison)
 def _(result: Comparison) -> Plots:
-    """Differences of the efficiencies with their 95 % intervals, run by run; on one Axes that of the whole cascade."""
+    """Differences of the efficiencies with their 95 % intervals, run by run; on one Axes that of
+    the whole cascade.
+    """
     from winchcascade.report.figures.comparison_figures import draw_differences
     from winchcascade.report.results.comparison import by_metric, rows_of
 
@@ -182,7 +210,9 @@ def _(result: Comparison) -> Plots:
 
 
 def draw(made: Plot, ax: axes.Axes | None) -> Any:
-    """Draw on the given Axes, or on new ones of pyplot, which notebooks show; gives the Axes, of several an array."""
+    """Draw on the given Axes, or on new ones of pyplot, which notebooks show; gives the Axes, of
+    several an array.
+    """
     from winchcascade.report.figures.style import COLOURS, WIDTH, house_style
 
     with house_style():

@@ -1,4 +1,5 @@
-"""What is shown while a command runs: width and colours of the terminal, or of a pipe, and the progress on the error stream.
+"""What is shown while a command runs: width and colours of the terminal, or of a pipe, and the
+progress on the error stream.
 
 A command sets width and colours once, before it prints; without that, texts are those of a pipe.
 """
@@ -17,7 +18,9 @@ from typing import Any, NamedTuple, TextIO
 from winchcascade.core.plain_text import lines, one_line
 
 NARROWEST, WIDEST = 60, 120
-"""Columns between which lines follow the terminal; a narrower one is treated as the first, a wider one as the second."""
+"""Columns between which lines follow the terminal; a narrower one is treated as the first, a
+wider one as the second.
+"""
 
 PIPED = 100
 """Columns of a sentence in a pipe, a file or the log of a runner."""
@@ -27,7 +30,9 @@ UNKNOWN = 80
 
 
 class Screen(NamedTuple):
-    """What lines are laid out for: columns of a terminal, None for a pipe, and whether it shows colours."""
+    """What lines are laid out for: columns of a terminal, None for a pipe, and whether it shows
+    colours.
+    """
 
     width: int | None = None
     colour: bool = False
@@ -44,7 +49,9 @@ QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 
 
 def screen_of(stream: TextIO) -> Screen:
-    """The width that COLUMNS states, else that of the terminal, else none; colours in a terminal without NO_COLOR only."""
+    """The width that COLUMNS states, else that of the terminal, else none; colours in a terminal
+    without NO_COLOR only.
+    """
     terminal = stream.isatty()
     stated = os.environ.get("COLUMNS", "")
     width = int(stated) if stated.isdecimal() and len(stated) < 7 else 0
@@ -54,7 +61,9 @@ def screen_of(stream: TextIO) -> Screen:
         except OSError:  # also that of a stream without a number
             width = UNKNOWN
     known = os.name != "nt" or "WT_SESSION" in os.environ
-    colour = terminal and known and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    colour = (
+        terminal and known and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    )
     return Screen(min(max(width, NARROWEST), WIDEST) if width else None, colour)
 
 
@@ -78,9 +87,11 @@ def line_width(piped: int = PIPED) -> int:
     return _PRESENT.get().width or piped
 
 
-# --------------------------------------------------------------------------------------------------------------- colours
+# ---------------------------------------------------------------------------------------- colours
 ESCAPE = "\ufdd4"
-"""Stands for the escape with which the codes of a text begin that is laid out already, no character of any language."""
+"""Stands for the escape with which the codes of a text begin that is laid out already, no
+character of any language.
+"""
 
 
 def painted(text: str, clean: Callable[[str], str]) -> str:
@@ -90,7 +101,9 @@ def painted(text: str, clean: Callable[[str], str]) -> str:
 
 @contextmanager
 def status_line(title: str) -> Iterator[Callable[[str], None]]:
-    """Show in one changing line of a terminal the present step and the time until now; elsewhere show nothing."""
+    """Show in one changing line of a terminal the present step and the time until now; elsewhere
+    show nothing.
+    """
     if QUIET.get() or not sys.stderr.isatty():
         yield lambda _: None
         return
@@ -101,7 +114,9 @@ def status_line(title: str) -> Iterator[Callable[[str], None]]:
     from rich.table import Column
 
     step = TextColumn("{task.description}", table_column=Column(no_wrap=True, overflow="ellipsis"))
-    with Bar(SpinnerColumn(), TimeElapsedColumn(), step, console=Console(stderr=True), transient=True) as bar:
+    with Bar(
+        SpinnerColumn(), TimeElapsedColumn(), step, console=Console(stderr=True), transient=True
+    ) as bar:
         task = bar.add_task(escape(one_line(title)))
         yield lambda text: bar.update(task, description=escape(one_line(text)))
 
@@ -118,7 +133,10 @@ class Progress:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        fault: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         """Leave the bar as it is."""
         if self._bar is not None:
@@ -141,14 +159,18 @@ class Progress:
         self._bar.start()
 
     def waiting(self, folder: Path) -> None:
-        """Report that another call works in the folder of the results, so that the wait does not look like a fault."""
+        """Report that another call works in the folder of the results, so that the wait does not
+        look like a fault.
+        """
         if QUIET.get():
             return
         sys.stderr.write(lines(f"waiting for another call that works in {one_line(str(folder))}\n"))
         sys.stderr.flush()
 
     def done(self, name: str, fault: str | None) -> None:
-        """Count one more as done; of one that failed show the name at once, the reason comes with the others at the end."""
+        """Count one more as done; of one that failed show the name at once, the reason comes
+        with the others at the end.
+        """
         if self._bar is not None:
             self._bar.advance(self._bar.task_ids[0])
         if fault is None or QUIET.get():

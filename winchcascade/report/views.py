@@ -1,6 +1,8 @@
-"""Results in Python: tables as frames, plots on your own Axes or new ones, summaries for notebooks, and report files.
+"""Results in Python: tables as frames, plots on your own Axes or new ones, summaries for notebooks,
+and report files.
 
-What a result has is registered for its class: `tables_of`, `plots_of`, `summary_of` and `report_of`.
+What a result has is registered for its class: `tables_of`, `plots_of`, `summary_of` and
+`report_of`.
 """
 
 from __future__ import annotations
@@ -42,7 +44,8 @@ Tables = Mapping[str, Callable[[], "pd.DataFrame"]]
 
 
 def frame(result: object, table: str = "", units: Units = "si") -> pd.DataFrame:
-    """One table of a result as a frame, with the names and units of the written files; the first one if none is named.
+    """One table of a result as a frame, with the names and units of the written files; the first
+    one if none is named.
 
     Raises
     ------
@@ -57,11 +60,13 @@ def frame(result: object, table: str = "", units: Units = "si") -> pd.DataFrame:
 
 
 def plot(result: object, what: str = "", ax: axes.Axes | None = None) -> Any:
-    """Draw one plot of a result, the first one if none is named; gives the Axes, of a plot with several an array of them, (n,).
+    """Draw one plot of a result, the first one if none is named; gives the Axes, of a plot with
+    several an array of them, (n,).
 
     Parameters
     ----------
-    ax : what is drawn on, and the most telling part of a plot with several Axes alone; new ones of pyplot if not given
+    ax : what is drawn on, and the most telling part of a plot with several Axes alone; new ones of
+        pyplot if not given
 
     Raises
     ------
@@ -93,7 +98,8 @@ def write_report(result: object, path: str | Path, *, force: bool = False) -> Pa
     Raises
     ------
     OptionError : another ending, or a result that has no report
-    OutputError : the file cannot be written, or is not this tool's own and `force` does not allow to replace it
+    OutputError : the file cannot be written, or is not this tool's own and `force` does not allow
+        to replace it
     """
     from winchcascade.report.render.publish import publish
 
@@ -101,13 +107,20 @@ def write_report(result: object, path: str | Path, *, force: bool = False) -> Pa
     path = Path(path)
     ending = path.suffix.casefold()
     if ending not in (".html", ".pdf"):
-        raise OptionError(f"{path}: no ending of a report; expected a name that ends in .html or .pdf.")
+        raise OptionError(
+            f"{path}: no ending of a report; expected a name that ends in .html or .pdf."
+        )
     report = report_of(result)
-    publish(report, html=path if ending == ".html" else None, pdf=path if ending == ".pdf" else None, force=force)
+    publish(
+        report,
+        html=path if ending == ".html" else None,
+        pdf=path if ending == ".pdf" else None,
+        force=force,
+    )
     return path
 
 
-# ------------------------------------------------------------------------------------------------------------------- tables
+# ----------------------------------------------------------------------------------------- tables
 @singledispatch
 def tables_of(result: object, units: Units) -> Tables:  # noqa: ARG001
     """Tables of a result as frames."""
@@ -125,7 +138,10 @@ def _(result: Run, units: Units) -> Tables:
 
 @tables_of.register(Reduction)
 def _(result: Reduction, units: Units) -> Tables:
-    made = {name: partial(frames.reduction_frame, result, name, units) for name in ("cycles", "bins", "findings")}
+    made = {
+        name: partial(frames.reduction_frame, result, name, units)
+        for name in ("cycles", "bins", "findings")
+    }
     return {**made, "channels": partial(frames.samples_frame, result, units)}
 
 
@@ -169,7 +185,9 @@ def _(result: Check, units: Units) -> Tables:  # noqa: ARG001  # cells are in th
 def _(result: Audit, units: Units) -> Tables:  # noqa: ARG001  # cells are in the unit of their column of the table
     from winchcascade.report.results.audit_record import audit_record
 
-    return _of_record(audit_record(result), "contradictions", "claims", "windows", "column_faults", "laws")
+    return _of_record(
+        audit_record(result), "contradictions", "claims", "windows", "column_faults", "laws"
+    )
 
 
 @tables_of.register(SeaStudy)
@@ -184,7 +202,7 @@ def _of_record(record: Mapping[str, object], *names: str) -> Tables:
     return {name: partial(frames.record_frame, record[name]) for name in names if name in record}
 
 
-# ---------------------------------------------------------------------------------------------------------------- summaries
+# -------------------------------------------------------------------------------------- summaries
 @singledispatch
 def summary_of(result: object) -> tuple[str, content.Table[Any] | None]:
     """Heading and main table of a result."""
@@ -239,7 +257,9 @@ def _(result: Audit | Check | SeaStudy) -> tuple[str, content.Table[Any] | None]
 
 
 def _first_table(result: object, report: content.Report) -> tuple[str, content.Table[Any] | None]:
-    """A result in one line, and the first table of its report that does not state where the data come from."""
+    """A result in one line, and the first table of its report that does not state where the data
+    come from.
+    """
     from winchcascade.report.content import Table
 
     blocks = [block for part in report.sections if part.id != "provenance" for block in part.blocks]
@@ -254,7 +274,7 @@ def _(result: Comparison) -> tuple[str, content.Table[Any] | None]:
     return heading, differences_table("efficiencies", rows_of(result, "eta"))
 
 
-# ------------------------------------------------------------------------------------------------------------------ reports
+# ---------------------------------------------------------------------------------------- reports
 @singledispatch
 def report_of(result: object, *, command: str = "") -> content.Report:  # noqa: ARG001
     """Make the report of a result.
@@ -270,7 +290,9 @@ def _late(name: str) -> Callable[..., content.Report]:
     """A function of `results`, which is imported with all that it draws by when it is called."""
 
     def called(result: object, *, command: str = "") -> content.Report:
-        report: content.Report = resolve_name(f"winchcascade.report.results.{name}")(result, command=command)
+        report: content.Report = resolve_name(f"winchcascade.report.results.{name}")(
+            result, command=command
+        )
         return report
 
     return called

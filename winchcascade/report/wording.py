@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from winchcascade.reduction.reduction_result import CycleResult, MeasuredLoad, Reduction
 
 _SOURCES = (
-    {name: term.label for name, term in CHANNELS.items()} | SENSORS | {R_DRUM: "drum radius", SAMPLING: "sampling"}
+    {name: term.label for name, term in CHANNELS.items()}
+    | SENSORS
+    | {R_DRUM: "drum radius", SAMPLING: "sampling"}
 )
 """What a source of uncertainty is called."""
 
@@ -38,7 +40,11 @@ def origin_words(origins: Sequence[Origin]) -> str:
     '1 not measured, 1 not stated. Rebuilt from Table 2.'
     """
     counts = Counter(origin.measured for origin in origins)
-    kinds = [KINDS[kind] if len(counts) == 1 else f"{counts[kind]} {KINDS[kind]}" for kind in KINDS if kind in counts]
+    kinds = [
+        KINDS[kind] if len(counts) == 1 else f"{counts[kind]} {KINDS[kind]}"
+        for kind in KINDS
+        if kind in counts
+    ]
     sentence = joint_origin(origins).sentence
     text = ", ".join(kinds) if kinds else KINDS[None]
     return f"{text}. {sentence}." if sentence else text
@@ -53,10 +59,16 @@ def banner(origins: Sequence[Origin]) -> str:
     made = sum(origin.measured is False for origin in origins)
     if not made:
         return ""
-    return "Not measured." if made == len(origins) else f"{made} of {len(origins)} logs are not measured."
+    return (
+        "Not measured."
+        if made == len(origins)
+        else f"{made} of {len(origins)} logs are not measured."
+    )
 
 
-def load_words(load: float | None, unit: str = "Ω", *, before: str = "", unknown: str = "no load") -> str:
+def load_words(
+    load: float | None, unit: str = "Ω", *, before: str = "", unknown: str = "no load"
+) -> str:
     """Load of a log.
 
     Parameters
@@ -69,7 +81,13 @@ def load_words(load: float | None, unit: str = "Ω", *, before: str = "", unknow
     >>> load_words(9.0), load_words(math.inf), load_words(9.0, "ohm", before="load ")
     ('9 Ω', 'open circuit', 'load 9 ohm')
     """
-    return unknown if load is None else "open circuit" if math.isinf(load) else f"{before}{load:g} {unit}"
+    return (
+        unknown
+        if load is None
+        else "open circuit"
+        if math.isinf(load)
+        else f"{before}{load:g} {unit}"
+    )
 
 
 def load_text(load: float | None) -> str:
@@ -92,7 +110,8 @@ def window_words(window: WindowRule) -> str:
 
 
 def span_word(reduction: Reduction) -> str:
-    """What the part of a cycle is called that its window lies in: a payout, or the span that a rig file gives.
+    """What the part of a cycle is called that its window lies in: a payout, or the span that a rig
+    file gives.
 
     >>> from winchcascade.reduction.reduce import reduce
     >>> from winchcascade.ingest.read import read_run
@@ -102,9 +121,11 @@ def span_word(reduction: Reduction) -> str:
     return _SPANS.get(reduction.rig.phases.source, "payout")
 
 
-# ---------------------------------------------------------------------------------------------------------------- cycles
+# ----------------------------------------------------------------------------------------- cycles
 def clock_zero(run: Run) -> float:
-    """What a drawn time axis begins from: 0, or the log's first stamp where that is large, as the seconds of an epoch. [s]"""
+    """What a drawn time axis begins from: 0, or the log's first stamp where that is large, as
+    the seconds of an epoch. [s]
+    """
     first, last = float(run.t[0]), float(run.t[-1])
     return 0.0 if abs(first) < 10.0 * max(last - first, 1.0) else first
 
@@ -119,7 +140,9 @@ NAMED_CYCLES = 6
 
 
 def net_reasons(cycles: Sequence[CycleResult]) -> list[str]:
-    """Which cycles have no net energies, and why: one sentence for each reason, that of the most cycles first."""
+    """Which cycles have no net energies, and why: one sentence for each reason, that of the most
+    cycles first.
+    """
     by_reason: dict[str, list[int]] = {}
     for cycle in (cycle for cycle in cycles if cycle.net.reason is not None):
         by_reason.setdefault(cycle.net.reason or "", []).append(cycle.cycle)
@@ -133,7 +156,7 @@ def _named_cycles(numbers: Sequence[int], of: int) -> str:
     return "all cycles" if 1 < len(numbers) == of else named
 
 
-# ----------------------------------------------------------------------------------------------- sources of uncertainty
+# ------------------------------------------------------------------------- sources of uncertainty
 def source_name(source: ErrorSource | None) -> str:
     """Name a source of uncertainty: the sensor and what of it errs."""
     if source is None:
@@ -147,8 +170,13 @@ def _sensor(source: ErrorSource) -> str:
 
 
 def decisive(known: Budget) -> list[tuple[str, float, str]]:
-    """Which sensor decides the uncertainty of each efficiency: the metric, the share of its variance, and the sensor."""
-    rows = [("bridged gaps" if row.source is None else _sensor(row.source), row.of) for row in known.rows]
+    """Which sensor decides the uncertainty of each efficiency: the metric, the share of its
+    variance, and the sensor.
+    """
+    rows = [
+        ("bridged gaps" if row.source is None else _sensor(row.source), row.of)
+        for row in known.rows
+    ]
     found = []
     for metric in filter(_is_ratio, known.mean):
         parts: dict[str, float] = {}
@@ -160,15 +188,21 @@ def decisive(known: Budget) -> list[tuple[str, float, str]]:
 
 
 WORTH_CALIBRATING = 0.5
-"""Share of the variance of an efficiency from which the limits of one sensor are worth a calibration: without them its standard
-uncertainty falls below 0.7 of what it was. [1]"""
+"""Share of the variance of an efficiency from which the limits of one sensor are worth a
+calibration: without them its standard uncertainty falls below 0.7 of what it was. [1]"""
 
 
 def calibration(known: Budget) -> str:
-    """What a calibration in place of the sensor would bring whose limits decide an efficiency most; empty if none does."""
+    """What a calibration in place of the sensor would bring whose limits decide an efficiency
+    most; empty if none does.
+    """
     found = []
     for source, of in ((row.source, row.of) for row in known.rows):
-        if source is None or source.channel in (R_DRUM, SAMPLING) or source.basis == "calibration_in_place":
+        if (
+            source is None
+            or source.channel in (R_DRUM, SAMPLING)
+            or source.basis == "calibration_in_place"
+        ):
             continue
         parts = shares(of, known.mean).items()
         found += [(share or 0.0, metric, source) for metric, share in parts if _is_ratio(metric)]
@@ -178,7 +212,8 @@ def calibration(known: Budget) -> str:
         return ""
     entry = f"u_{source.part} under [sensors.{source.channel}] of the rig file"
     return (
-        f"u({metric}) is {u:.2g} by the limits of the {_sensor(source)}; with its {source.part} calibrated in place ({entry}) "
+        f"u({metric}) is {u:.2g} by the limits of the {_sensor(source)}; with its {source.part} "
+        f"calibrated in place ({entry}) "
         f"it would be {u * math.sqrt(1.0 - share):.2g}."
     )
 
@@ -191,17 +226,23 @@ def _is_ratio(metric: str) -> bool:
 def not_known(known: Budget) -> list[str]:
     """What the rig file leaves unknown of the uncertainty."""
     repeatability, exact = known.repeatability, ", ".join(known.exact)
-    stated = [metric for metric, value in known.mean.items() if value is not None and metric not in NET_METRICS]
+    stated = [
+        metric
+        for metric, value in known.mean.items()
+        if value is not None and metric not in NET_METRICS
+    ]
     return [
         text
         for text, wanted in (
             (
-                f"unknown for lack of an accuracy of {', '.join(known.unknown)} (accuracy_full_scale under [sensors] of the "
+                f"unknown for lack of an accuracy of {', '.join(known.unknown)} "
+                f"(accuracy_full_scale under [sensors] of the "
                 "rig file)",
                 known.unknown,
             ),
             (
-                f"not determined for {', '.join(known.undetermined)}: the errors of the sensors could take away all that it "
+                f"not determined for {', '.join(known.undetermined)}: the errors of the sensors "
+                f"could take away all that it "
                 "is made of",
                 known.undetermined,
             ),

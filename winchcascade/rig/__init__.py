@@ -1,1 +1,3 @@
-"""The rig as a physics model: winch, restoring module, drivetrain, generator, bridge, DC link and sensors."""
+"""The rig as a physics model: winch, restoring module, drivetrain, generator, bridge, DC link
+and sensors.
+"""

@@ -1,4 +1,6 @@
-"""The back-EMF constant from an open circuit: a regression with bleed, capacitor and bridge (Sec. 4.2)."""
+"""The back-EMF constant from an open circuit: a regression with bleed, capacitor and bridge
+(Sec. 4.2).
+"""
 
 import math
 from collections.abc import Sequence
@@ -16,10 +18,14 @@ from winchcascade.rig.parts import Model
 from winchcascade.rig.physics import RPM
 
 SLOW_SHARE = 0.28
-"""The regression begins at this share of the largest speed of the log: 1000 rpm of the 3570 rpm of the paper (Sec. 4.2). [1]"""
+"""The regression begins at this share of the largest speed of the log: 1000 rpm of the 3570 rpm
+of the paper (Sec. 4.2). [1]
+"""
 
 BLOCK = 1.03
-"""Length of a block of time whose samples share their error, over the ramp: noise of the smoothed velocity, gusts. [1]"""
+"""Length of a block of time whose samples share their error, over the ramp: noise of the
+smoothed velocity, gusts. [1]
+"""
 
 COVERED = 1.96
 """Half-width of a 95 % interval in standard uncertainties."""
@@ -31,10 +37,11 @@ MIN_SAMPLES = 25
 class BackEmf(msgspec.Struct, frozen=True):
     """Back-EMF constant of an open circuit, line to line, rms [V/rpm], with its 95 % interval.
 
-    `u_fit` is the standard uncertainty of the fit, `u_sensor` that of the voltage sensor's gain [V/rpm]; `lag` [s] is how
-    late Vdc is recorded, with its standard uncertainty `u_lag`. `rpm`, `v_ll` and `vdc`, (n,) each, are the samples that
-    were fitted: generator speed, back-EMF that follows from the DC side [V], and measured DC voltage [V]. `eq8` is the
-    constant by Eq. 8 alone, without bleed and commutation [V/rpm]; `rpm_min` where the fit begins [rpm].
+    `u_fit` is the standard uncertainty of the fit, `u_sensor` that of the voltage sensor's gain
+    [V/rpm]; `lag` [s] is how late Vdc is recorded, with its standard uncertainty `u_lag`. `rpm`,
+    `v_ll` and `vdc`, (n,) each, are the samples that were fitted: generator speed, back-EMF that
+    follows from the DC side [V], and measured DC voltage [V]. `eq8` is the constant by Eq. 8 alone,
+    without bleed and commutation [V/rpm]; `rpm_min` where the fit begins [rpm].
     """
 
     k_e: float
@@ -53,7 +60,8 @@ class BackEmf(msgspec.Struct, frozen=True):
 
 
 def rpm_min(rpm: Signal) -> float:
-    """Generator speed from which a regression takes the samples of a log, whose speeds are given, (n,). [rpm]
+    """Generator speed from which a regression takes the samples of a log, whose speeds are given,
+    (n,). [rpm]
 
     >>> rpm_min(np.array([0.0, 100.0]))
     28.0
@@ -61,13 +69,16 @@ def rpm_min(rpm: Signal) -> float:
     return round(SLOW_SHARE * float(np.max(rpm)), 9)
 
 
-def back_emf(run: Run, model: Model, payouts: Sequence[tuple[float, float]], *, u_gain: float = 0.0) -> BackEmf:
+def back_emf(
+    run: Run, model: Model, payouts: Sequence[tuple[float, float]], *, u_gain: float = 0.0
+) -> BackEmf:
     """Fit the back-EMF constant to an open-circuit log above a share of its largest speed.
 
-    While the bridge conducts, it carries the currents of bleed and capacitor. The back-EMF that gives them, commutation and
-    diodes included, is proportional to the speed. Samples in which the capacitor holds its voltage against a falling speed
-    contain nothing of the machine; the given payouts exclude braking. A lag of Vdc is fitted beside the constant, since on
-    a ramp it looks like a smaller one.
+    While the bridge conducts, it carries the currents of bleed and capacitor. The back-EMF that
+    gives them, commutation and diodes included, is proportional to the speed. Samples in which the
+    capacitor holds its voltage against a falling speed contain nothing of the machine; the given
+    payouts exclude braking. A lag of Vdc is fitted beside the constant, since on a ramp it looks
+    like a smaller one.
 
     Parameters
     ----------
@@ -79,7 +90,9 @@ def back_emf(run: Run, model: Model, payouts: Sequence[tuple[float, float]], *, 
     LogError : no Vdc, or too few samples above that speed with a conducting bridge
     """
     if "vdc" not in run.channels:
-        raise LogError(f"{run.name}: no DC voltage, which a back-EMF constant is fitted to; log Vdc.")
+        raise LogError(
+            f"{run.name}: no DC voltage, which a back-EMF constant is fitted to; log Vdc."
+        )
     vdc, ramp = run.channels["vdc"], motion_of_runs([run]).ramp
     speed = local_quadratic(run.t, run.channels["velocity"], SMOOTHING * ramp)
     bleed, current = dc_currents(run, model, vdc, ramp)
@@ -89,7 +102,8 @@ def back_emf(run: Run, model: Model, payouts: Sequence[tuple[float, float]], *, 
     used &= np.logical_or.reduce([(run.t >= begin) & (run.t <= end) for begin, end in payouts])
     if np.count_nonzero(used) < MIN_SAMPLES:
         raise LogError(
-            f"{run.name}: {np.count_nonzero(used)} samples above {begin:.4g} rpm in which the bridge conducts; a "
+            f"{run.name}: {np.count_nonzero(used)} samples above {begin:.4g} rpm in which the "
+            f"bridge conducts; a "
             f"back-EMF constant needs at least {MIN_SAMPLES}: pay out faster, or for longer."
         )
     slope, rpm, vdc = np.gradient(rpm, run.t)[used], rpm[used], vdc[used]
@@ -105,7 +119,9 @@ def back_emf(run: Run, model: Model, payouts: Sequence[tuple[float, float]], *, 
         u_sensor=k_e * u_gain,
         lag=lag,
         u_lag=u_lag,
-        eq8=float(np.sum(rpm * (vdc + 2.0 * model.generator.v_diode)) / (math.sqrt(2.0) * np.sum(rpm**2))),
+        eq8=float(
+            np.sum(rpm * (vdc + 2.0 * model.generator.v_diode)) / (math.sqrt(2.0) * np.sum(rpm**2))
+        ),
         rpm_min=begin,
         rpm=rpm,
         v_ll=v_ll,
@@ -114,17 +130,22 @@ def back_emf(run: Run, model: Model, payouts: Sequence[tuple[float, float]], *, 
 
 
 def dc_currents(run: Run, model: Model, vdc: Signal, ramp: float) -> tuple[Signal, Signal]:
-    """Current of the bleed, and the sum of the currents of bleed and capacitor, from the smoothed DC voltage, (n,) each [A]."""
+    """Current of the bleed, and the sum of the currents of bleed and capacitor, from the
+    smoothed DC voltage, (n,) each [A].
+    """
     smooth = local_quadratic(run.t, vdc, SMOOTHING * ramp)
     bleed: Signal = smooth / model.dc_link.r_bleed
     return bleed, bleed + model.dc_link.c_dc * np.gradient(smooth, run.t)
 
 
-def _through_zero(t: Signal, rpm: Signal, slope: Signal, v_ll: Signal) -> tuple[float, float, float, float, float]:
-    """Least squares of v_ll = k_e (rpm - lag d rpm/dt): k_e and its standard uncertainty, lag and its own, and R2.
+def _through_zero(
+    t: Signal, rpm: Signal, slope: Signal, v_ll: Signal
+) -> tuple[float, float, float, float, float]:
+    """Least squares of v_ll = k_e (rpm - lag d rpm/dt): k_e and its standard uncertainty, lag and
+    its own, and R2.
 
-    The times are in blocks. Errors within a block are correlated, so the covariance is that of clustered residuals (Liang
-    and Zeger 1986).
+    The times are in blocks. Errors within a block are correlated, so the covariance is that of
+    clustered residuals (Liang and Zeger 1986).
     """
     design = np.column_stack([rpm, -slope])
     fitted, *_ = np.linalg.lstsq(design, v_ll, rcond=None)
@@ -135,5 +156,14 @@ def _through_zero(t: Signal, rpm: Signal, slope: Signal, v_ll: Signal) -> tuple[
     bread = np.linalg.inv(design.T @ design)
     filled = np.unique(block).size
     covariance = bread @ (scores.T @ scores) @ bread * filled / max(filled - 2, 1)
-    k_e, r2 = float(fitted[0]), 1.0 - float(residual @ residual) / float(np.sum((v_ll - np.mean(v_ll)) ** 2))
-    return k_e, math.sqrt(covariance[0, 0]), float(fitted[1]) / k_e, math.sqrt(covariance[1, 1]) / k_e, r2
+    k_e, r2 = (
+        float(fitted[0]),
+        1.0 - float(residual @ residual) / float(np.sum((v_ll - np.mean(v_ll)) ** 2)),
+    )
+    return (
+        k_e,
+        math.sqrt(covariance[0, 0]),
+        float(fitted[1]) / k_e,
+        math.sqrt(covariance[1, 1]) / k_e,
+        r2,
+    )

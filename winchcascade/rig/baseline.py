@@ -25,7 +25,8 @@ def load_rig(rig: str | Path) -> Rig:
     Raises
     ------
     OptionError : this is no path and no name
-    RigError : an entry of the file is wrong, or an effect that it states is not one of the catalogue; names which
+    RigError : an entry of the file is wrong, or an effect that it states is not one of the
+        catalogue; names which
     """
     check_arguments("load_rig", ("rig", rig, RIG_NAME))
     found = read_rig(rig)
@@ -46,8 +47,8 @@ def baseline(rig: Rig) -> Model:
 
     Raises
     ------
-    RigError : the rig file lacks numbers that a part needs, all of them named, the rig has no one-way clutch, or a stated
-        effect is not one of the catalogue
+    RigError : the rig file lacks numbers that a part needs, all of them named, the rig has no
+        one-way clutch, or a stated effect is not one of the catalogue
     """
     check_type("baseline", rig, Rig, "load_rig(name)")
     found = model_of(rig)
@@ -57,7 +58,9 @@ def baseline(rig: Rig) -> Model:
 
 
 NEAR_STANDSTILL = 10.0 / 3.0
-"""Speed of the line at which 1/e of a larger friction near standstill is left, over that at which a payout begins. [1]"""
+"""Speed of the line at which 1/e of a larger friction near standstill is left, over that at
+which a payout begins. [1]
+"""
 
 
 def model_of(rig: Rig) -> Model | NoModel:
@@ -66,16 +69,22 @@ def model_of(rig: Rig) -> Model | NoModel:
     missing: dict[str, list[str]] = {}
     for section in PARTS:
         stated: dict[str, Quantity | None] = {
-            name: getattr(getattr(rig, section), in_rig) for name, in_rig in in_rig_file(section).items()
+            name: getattr(getattr(rig, section), in_rig)
+            for name, in_rig in in_rig_file(section).items()
         }
-        numbers[section] = {name: number.value for name, number in stated.items() if number is not None}
-        lacking = [name for name in needed(rig, section) if getattr(getattr(rig, section), name) is None]
+        numbers[section] = {
+            name: number.value for name, number in stated.items() if number is not None
+        }
+        lacking = [
+            name for name in needed(rig, section) if getattr(getattr(rig, section), name) is None
+        ]
         missing |= {section: lacking} if lacking else {}
     if missing:
         return NoModel(_lacking(rig, missing))
     if rig.drivetrain.one_way_clutch is False:
         return NoModel(
-            f"rig {rig.name}: no model can be made, as one_way_clutch under [drivetrain] is false, and the generator of the "
+            f"rig {rig.name}: no model can be made, as one_way_clutch under [drivetrain] is "
+            f"false, and the generator of the "
             "model is driven in payout alone."
         )
     if rig.restoring.has_gas:
@@ -89,7 +98,9 @@ def model_of(rig: Rig) -> Model | NoModel:
     if math.isfinite(rig.thresholds.v_onset):
         numbers["winch"]["stribeck_speed"] = NEAR_STANDSTILL * rig.thresholds.v_onset
     model = Model(**{section: kind(**numbers[section]) for section, kind in PARTS.items()})
-    model = with_part(model, "winch", goes_slack=not (rig.restoring.has_gas or rig.winch.line_can_push))
+    model = with_part(
+        model, "winch", goes_slack=not (rig.restoring.has_gas or rig.winch.line_can_push)
+    )
     for effect in stated_effects(rig):
         model = effect.apply(model)
     return model
@@ -105,15 +116,24 @@ def needed(rig: Rig, section: str) -> tuple[str, ...]:
 
 def _lacking(rig: Rig, missing: Mapping[str, Sequence[str]]) -> str:
     """A sentence on the numbers that a rig file lacks, by part, and what to do."""
-    parts = [f"{', '.join(names)} under [{section}]" for section, names in missing.items() if section != "restoring"]
+    parts = [
+        f"{', '.join(names)} under [{section}]"
+        for section, names in missing.items()
+        if section != "restoring"
+    ]
     if "restoring" in missing:
-        kind, others = rig.restoring.kind, " or ".join(f'"{kind}"' for kind in NUMBERS_OF if kind != rig.restoring.kind)
+        kind, others = (
+            rig.restoring.kind,
+            " or ".join(f'"{kind}"' for kind in NUMBERS_OF if kind != rig.restoring.kind),
+        )
         parts.append(
-            f"{', '.join(missing['restoring'])} under [restoring], which a restoring module of kind {kind} needs (for another "
+            f"{', '.join(missing['restoring'])} under [restoring], which a restoring module of "
+            f"kind {kind} needs (for another "
             f"one state kind = {others} there)"
         )
     return (
-        f"rig {rig.name}: no model can be made, as it lacks {'; '.join(parts)}. Add them to the rig file; "
+        f"rig {rig.name}: no model can be made, as it lacks {'; '.join(parts)}. Add them to the "
+        f"rig file; "
         f'based_on = "{DEFAULT_RIG}" takes all that it does not state from the rig of the paper.'
     )
 
@@ -129,7 +149,9 @@ def missing_part(effect: Effect, rig: Rig) -> str:
     >>> missing_part(EFFECTS["gas_volume"], load_rig("hsu2026"))
     ''
     """
-    if not rig.restoring.has_gas and (effect.stage == "restoring" or effect.path == "sensors.gain.pressure"):
+    if not rig.restoring.has_gas and (
+        effect.stage == "restoring" or effect.path == "sensors.gain.pressure"
+    ):
         return "gas, screw and seals"
     return "gear" if rig.drivetrain.direct and effect.path in GEAR else ""
 
@@ -153,16 +175,25 @@ def stated_effects(rig: Rig) -> list[ActiveEffect]:
         if stated.of_a_sensor and not effect.effect.of_a_sensor:
             raise RigError(f"{place} is no error of a sensor; state it as [effects.{name}].")
         if not stated.fields:
-            raise RigError(f"{place} has no field; expected {', '.join(field.name for field in effect.effect.fields)}.")
+            raise RigError(
+                f"{place} has no field; expected "
+                f"{', '.join(field.name for field in effect.effect.fields)}."
+            )
         units = {field.name: field.unit for field in effect.effect.fields}
         for key, number in stated.fields.items():
             given, known = find_unit(number.unit), find_unit(units[key])
-            if number.unit and (given is None or known is None or given.dimension != known.dimension):
-                raise RigError(f"{place} {key}: the unit is {number.unit!r}; expected {units[key]!r}.")
+            if number.unit and (
+                given is None or known is None or given.dimension != known.dimension
+            ):
+                raise RigError(
+                    f"{place} {key}: the unit is {number.unit!r}; expected {units[key]!r}."
+                )
         effects.append(effect)
     return effects
 
 
 def sensor_errors(rig: Rig) -> list[str]:
-    """Names of the effects that a rig file states and that are errors of its sensors. Raises as `stated_effects`."""
+    """Names of the effects that a rig file states and that are errors of its sensors. Raises as
+    `stated_effects`.
+    """
     return [one.effect.name for one in stated_effects(rig) if one.effect.of_a_sensor]

@@ -1,11 +1,14 @@
-"""The three-phase diode bridge on a stiff DC link, from open circuit to heavy overlap: exact, by a table of its steady states.
+"""The three-phase diode bridge on a stiff DC link, from open circuit to heavy overlap: exact, by a
+table of its steady states.
 
-A textbook average deviates by 3 % near open circuit, where the capacitor charges to the peak, and by 7 % at 4.5 ohm at speed,
-where commutation takes 60 degrees. So `benchmarks/switched_bridge.py` solved the switched circuit over a grid once; here the
-table is interpolated by cubic convolution (Keys 1981). On a stiff DC side the state follows speed and voltage within a period.
+A textbook average deviates by 3 % near open circuit, where the capacitor charges to the peak, and
+by 7 % at 4.5 ohm at speed, where commutation takes 60 degrees. So `benchmarks/switched_bridge.py`
+solved the switched circuit over a grid once; here the table is interpolated by cubic convolution
+(Keys 1981). On a stiff DC side the state follows speed and voltage within a period.
 
-The inverse gives the voltage, or the back-EMF, at which the bridge carries a given current. Both are monotonic in the
-current, so there is one root: Newton steps by the slopes of the bridge start at the previous sample and stay in a bracket.
+The inverse gives the voltage, or the back-EMF, at which the bridge carries a given current. Both
+are monotonic in the current, so there is one root: Newton steps by the slopes of the bridge start
+at the previous sample and stay in a bracket.
 """
 
 import math
@@ -22,14 +25,18 @@ from winchcascade.rig.physics import FASTMATH, RPM, reactance
 _SQRT2 = math.sqrt(2.0)
 
 TABLE = Path(__file__).with_name("bridge_table.npy")
-"""The solved grid, (s, phi, 2): mean DC current and rms phase current, times Z / V_LL with Z = sqrt(R^2 + (w_e L)^2)."""
+"""The solved grid, (s, phi, 2): mean DC current and rms phase current, times Z / V_LL with Z =
+sqrt(R^2 + (w_e L)^2).
+"""
 
 S_POINTS, PHI_POINTS = 257, 65
-"""Points of the grid, even in s = sqrt(1 - u) and in phi = atan(rho), with u = (Vdc + 2 Vd) / (sqrt(2) V_LL) and
-rho = R / (w_e L): both currents are closest to straight over these."""
+"""Points of the grid, even in s = sqrt(1 - u) and in phi = atan(rho), with u = (Vdc + 2 Vd) /
+(sqrt(2) V_LL) and rho = R / (w_e L): both currents are closest to straight over these."""
 
 PHI_LOW, PHI_HIGH = 0.03, 1.56
-"""Ends of the grid: R 3 % of the reactance, as of a short circuit at speed, and the reactance 1 % of R, as at a crawl."""
+"""Ends of the grid: R 3 % of the reactance, as of a short circuit at speed, and the reactance 1
+% of R, as at a crawl.
+"""
 
 
 @cache
@@ -39,7 +46,9 @@ def bridge_table() -> Signal:
 
 
 def with_border(grid: Signal) -> Signal:
-    """A grid (s, phi, 2) with a border that lets the interpolation reach the edges, (s + 2, phi + 2, 2)."""
+    """A grid (s, phi, 2) with a border that lets the interpolation reach the edges, (s + 2, phi
+    + 2, 2).
+    """
     wide = grid
     for _ in range(2):
         ends = [3 * a - 3 * b + c for a, b, c in (wide[:3], wide[:-4:-1])]
@@ -49,15 +58,17 @@ def with_border(grid: Signal) -> Signal:
 
 @lru_cache(maxsize=64)
 def blended_table(averaged: float, uncommutated: float) -> Signal:
-    """The table of `bridge_table` with a share of the textbook average in place of the switched circuit, (s + 2, phi + 2, 2).
+    """The table of `bridge_table` with a share of the textbook average in place of the switched
+    circuit, (s + 2, phi + 2, 2).
 
-    The average is v_total = (3 sqrt(2)/pi) v_ll - (3/pi) x i_dc - 2 r_s i_dc, no current above the first term, with currents of
-    the phases in blocks (Mohan, Undeland and Robbins 2003, chapter 5).
+    The average is v_total = (3 sqrt(2)/pi) v_ll - (3/pi) x i_dc - 2 r_s i_dc, no current above the
+    first term, with currents of the phases in blocks (Mohan, Undeland and Robbins 2003, chapter 5).
 
     Parameters
     ----------
     averaged : share of the average [1]
-    uncommutated : share of the average without the term with the reactance x, the voltage that commutation takes [1]
+    uncommutated : share of the average without the term with the reactance x, the voltage that
+        commutation takes [1]
     """
     if averaged == uncommutated == 0.0:
         return bridge_table()
@@ -73,7 +84,9 @@ def blended_table(averaged: float, uncommutated: float) -> Signal:
 
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH)
 def _weights(x: float) -> tuple[float, float, float, float]:
-    """Weights of four points in a row for a place between the middle two, 0 to 1 (Keys 1981, a = -1/2)."""
+    """Weights of four points in a row for a place between the middle two, 0 to 1 (Keys 1981, a =
+    -1/2).
+    """
     return (
         ((-0.5 * x + 1.0) * x - 0.5) * x,
         (1.5 * x - 2.5) * x * x + 1.0,
@@ -108,9 +121,9 @@ def bridge_state(
 
     Returns
     -------
-    i_dc, i_s, di_dc, di_s : currents [A] and their slopes over `v_total` [A/V], 0 where the back-EMF does not reach the DC
-        link. Currents are proportional to the voltages at a given ratio of these, so the slope over `v_ll` is
-        (i - v_total di) / v_ll.
+    i_dc, i_s, di_dc, di_s : currents [A] and their slopes over `v_total` [A/V], 0 where the
+        back-EMF does not reach the DC link. Currents are proportional to the voltages at a given
+        ratio of these, so the slope over `v_ll` is (i - v_total di) / v_ll.
     """
     if v_ll <= 0.0 or v_total >= _SQRT2 * v_ll:
         return 0.0, 0.0, 0.0, 0.0
@@ -132,25 +145,41 @@ def bridge_state(
     # not math.hypot, which takes longer and guards against values that no impedance has
     scale = v_ll / math.sqrt(r_s * r_s + reactance * reactance)
     falling = -scale * rows / (2.0 * max(root, 1e-6) * _SQRT2 * v_ll)
-    return max(i_dc, 0.0) * scale, max(i_s, 0.0) * scale, min(up_dc * falling, 0.0), min(up_s * falling, 0.0)
+    return (
+        max(i_dc, 0.0) * scale,
+        max(i_s, 0.0) * scale,
+        min(up_dc * falling, 0.0),
+        min(up_s * falling, 0.0),
+    )
 
 
 CLOSE = 1e-9
-"""The last Newton step is shorter than this share of the voltage; its error is about the square of that."""
+"""The last Newton step is shorter than this share of the voltage; its error is about the square
+of that.
+"""
 
 MAX_STEPS = 60
-"""Maximum number of steps. Where the bridge cannot carry the current, the bracket is halved at each step."""
+"""Maximum number of steps. Where the bridge cannot carry the current, the bracket is halved at
+each step.
+"""
 
 
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH)
 def _inverse(
-    known: Signal, taken: Signal, conductance: float, r_s: float, reactance: Signal, table: Signal, of_voltage: bool
+    known: Signal,
+    taken: Signal,
+    conductance: float,
+    r_s: float,
+    reactance: Signal,
+    table: Signal,
+    of_voltage: bool,
 ) -> tuple[Signal, Signal]:
-    """Find the voltage at a known back-EMF, or else the back-EMF at a known voltage, at which the bridge carries a current.
+    """Find the voltage at a known back-EMF, or else the back-EMF at a known voltage, at which the
+    bridge carries a current.
 
-    The current is `taken` [A] and what a `conductance` takes at the voltage [S]. More voltage gives less current and more
-    back-EMF gives more, so there is one root. The search starts at the ratio of the previous sample. Without a current the
-    voltage is the peak of the back-EMF.
+    The current is `taken` [A] and what a `conductance` takes at the voltage [S]. More voltage gives
+    less current and more back-EMF gives more, so there is one root. The search starts at the ratio
+    of the previous sample. Without a current the voltage is the peak of the back-EMF.
     """
     found: Signal = np.maximum(known * _SQRT2, 0.0) if of_voltage else known / _SQRT2
     i_s, ratio = np.zeros_like(known), 1.27 if of_voltage else 1.0
@@ -158,7 +187,9 @@ def _inverse(
         if taken[n] + conductance * (found[n] if of_voltage else known[n]) <= 0.0 or found[n] < 0.0:
             continue
         low, high = (
-            (0.0, found[n]) if of_voltage else (found[n], 3.0 * known[n] + 10.0 * taken[n] * (r_s + reactance[n]))
+            (0.0, found[n])
+            if of_voltage
+            else (found[n], 3.0 * known[n] + 10.0 * taken[n] * (r_s + reactance[n]))
         )
         now = min(max(ratio * known[n], low), high)
         for _ in range(MAX_STEPS):
@@ -185,22 +216,30 @@ def _inverse(
 
 
 ROUNDS = 8
-"""Rounds in which stator current and roll-off settle: the current follows almost alone from that of the bridge."""
+"""Rounds in which stator current and roll-off settle: the current follows almost alone from that
+of the bridge.
+"""
 
 
 def dc_voltages(
     machine: GeneratorModel, omega: Signal, taken: Signal, table: Signal, conductance: float = 0.0
 ) -> tuple[Signal, Signal]:
-    """Voltage of DC link and diodes in the steady state of a machine, and its stator current, (n,) [V, A].
+    """Voltage of DC link and diodes in the steady state of a machine, and its stator current, (n,)
+    [V, A].
 
     Parameters
     ----------
     omega : (n,) speed of the fast shaft [rad/s]
-    taken : (n,) current that is taken of the bridge; without one the voltage is the peak of the back-EMF [A]
+    taken : (n,) current that is taken of the bridge; without one the voltage is the peak of the
+        back-EMF [A]
     table : as `bridge_table` gives it
     conductance : of a load, which takes a current in proportion to the voltage of the DC link [S]
     """
-    share, ohm, drop = np.ones(omega.size), reactance(omega, machine), 2.0 * machine.v_diode * conductance
+    share, ohm, drop = (
+        np.ones(omega.size),
+        reactance(omega, machine),
+        2.0 * machine.v_diode * conductance,
+    )
     v_total = i_s = share
     for _ in range(1 if machine.rolloff == NO_ROLLOFF else ROUNDS):
         v_ll = machine.k_e * omega * RPM * share
@@ -209,13 +248,19 @@ def dc_voltages(
     return v_total, i_s
 
 
-def back_emfs(machine: GeneratorModel, omega: Signal, vdc: Signal, current: Signal) -> tuple[Signal, Signal]:
-    """Back-EMF, line to line, rms [V], and stator current [A] at which the bridge carries a current into a voltage, (n,).
+def back_emfs(
+    machine: GeneratorModel, omega: Signal, vdc: Signal, current: Signal
+) -> tuple[Signal, Signal]:
+    """Back-EMF, line to line, rms [V], and stator current [A] at which the bridge carries a current
+    into a voltage, (n,).
 
     Parameters
     ----------
     omega : (n,) speed of the fast shaft [rad/s]
-    current : (n,) of the bridge; without one the peak of the back-EMF is the voltage of DC link and diodes [A]
+    current : (n,) of the bridge; without one the peak of the back-EMF is the voltage of DC link and
+        diodes [A]
     """
     v_total, taken = np.maximum(vdc, 0.0) + 2.0 * machine.v_diode, np.maximum(current, 0.0)
-    return _inverse(v_total, taken, 0.0, machine.r_phase, reactance(omega, machine), bridge_table(), False)
+    return _inverse(
+        v_total, taken, 0.0, machine.r_phase, reactance(omega, machine), bridge_table(), False
+    )

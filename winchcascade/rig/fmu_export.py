@@ -60,7 +60,8 @@ def write_fmu(
     ------
     OptionError : pythonfmu is not installed
     RigError : no step resolves the model
-    OutputError : the file cannot be written, or is not this tool's own and `force` does not allow to replace it
+    OutputError : the file cannot be written, or is not this tool's own and `force` does not allow
+        to replace it
     """
     require("pythonfmu", f"--export {path}")
     from pythonfmu.builder import FmuBuilder
@@ -82,7 +83,11 @@ def write_fmu(
         "load": load,
     }
     with scratch_folder() as folder:
-        script, resource, made = folder / f"{SLAVE.lower()}.py", folder / RESOURCE, folder / "made.fmu"
+        script, resource, made = (
+            folder / f"{SLAVE.lower()}.py",
+            folder / RESOURCE,
+            folder / "made.fmu",
+        )
         script.write_text(SCRIPT.format(name=SLAVE), encoding="utf-8")
         resource.write_bytes(json_bytes(stated))
         before = list(sys.path)
@@ -100,7 +105,8 @@ def write_rig(rig: Rig, path: Path, *, force: bool = False) -> None:
     Raises
     ------
     OptionError : the name has another ending, or pythonfmu is not installed
-    RigError : no model can be made of the rig, its rated speed is not stated, or no step resolves it
+    RigError : no model can be made of the rig, its rated speed is not stated, or no step resolves
+        it
     OutputError : as `write_fmu`
     """
     if path.suffix.casefold() != ".fmu":
@@ -108,7 +114,8 @@ def write_rig(rig: Rig, path: Path, *, force: bool = False) -> None:
     model, rated = baseline(rig).physics, rig.generator.speed_rated
     if rated is None:
         raise RigError(
-            f"rig {rig.name}: no speed_rated under [generator]; --export needs it, as it sets the step of the FMU."
+            f"rig {rig.name}: no speed_rated under [generator]; --export needs it, as it sets the "
+            f"step of the FMU."
         )
     speed = rated.value / model.drivetrain.gear * model.winch.r_drum
     scale = MotionScale(speed, SLOWEST_RAMP / rate_of_the_rotor(model, speed), 1.0)
@@ -119,4 +126,12 @@ def write_rig(rig: Rig, path: Path, *, force: bool = False) -> None:
             if number is not None and number.u is not None:
                 u[f"{part}.{name}"] = number.u / IN_RIG.get(f"{part}.{name}", 1.0)
     load = rig.dc_link.r_bleed.value if rig.dc_link.r_bleed is not None else model.dc_link.r_bleed
-    write_fmu(model, path, scale, load, f"rig {rig.name} as its file states it, not compared with logs", u, force=force)
+    write_fmu(
+        model,
+        path,
+        scale,
+        load,
+        f"rig {rig.name} as its file states it, not compared with logs",
+        u,
+        force=force,
+    )

@@ -35,7 +35,9 @@ OUTPUTS = {
 }
 """Outputs: column of the solution, unit, what it is."""
 
-LOST = tuple(name for name, one in LEDGER.items() if one.words.startswith("lost") and name != "shaft_loss")
+LOST = tuple(
+    name for name, one in LEDGER.items() if one.words.startswith("lost") and name != "shaft_loss"
+)
 """Losses that are outputs; that of the shaft spring is not known at an instant."""
 
 
@@ -43,7 +45,9 @@ NO_OPTIONS: Mapping[str, str] = MappingProxyType({})
 
 
 class Stated(msgspec.Struct, frozen=True):
-    """What an FMU holds: model by part, unit, meaning and standard uncertainty of each number, description, and starts."""
+    """What an FMU holds: model by part, unit, meaning and standard uncertainty of each number,
+    description, and starts.
+    """
 
     model: dict[str, dict[str, Any]]
     numbers: dict[str, tuple[str, str, float | None]]
@@ -72,17 +76,22 @@ class WithUnit(Real):  # type: ignore[misc]  # pythonfmu has no types
 class RigSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
     """A rig: velocity of the line and load in, tension and all else out.
 
-    The velocity is that at the end of a step, and changes evenly until then. What is given holds one `step` before it.
+    The velocity is that at the end of a step, and changes evenly until then. What is given holds
+    one `step` before it.
     """
 
     def __init__(self, **about: Any) -> None:
         super().__init__(**about)
-        # a freed unit leaves its emptied module, in which a second one of the same process would find no class
+        # a freed unit leaves its emptied module, in which a second one of the same process would
+        # find no class
         self._module = sys.modules.pop(type(self).__module__, None)
         stated = msgspec.json.decode((Path(self.resources) / RESOURCE).read_bytes(), type=Stated)
         self.description, self.numbers = stated.description, stated.numbers
         parts = {
-            part: {name: tuple(x) if isinstance(x, list) else x for name, x in stated.model[part].items()}
+            part: {
+                name: tuple(x) if isinstance(x, list) else x
+                for name, x in stated.model[part].items()
+            }
             for part in PARTS
         }
         self.model = Model(**{part: kind(**parts[part]) for part, kind in PARTS.items()})
@@ -94,15 +103,27 @@ class RigSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
             "start_velocity": 0.0,
         }
         self.held |= {"step": stated.step, "rest_speed": stated.rest}
-        self.found = dict.fromkeys([*OUTPUTS, *(f"loss_{name}" for name in LOST), "line_displacement"], 0.0)
+        self.found = dict.fromkeys(
+            [*OUTPUTS, *(f"loss_{name}" for name in LOST), "line_displacement"], 0.0
+        )
         self.rig: SteppedRig | None = None
         self._declare()
 
     def _declare(self) -> None:
         """Declare inputs, outputs and parameters."""
         known = [
-            ("line_velocity", "m/s", "velocity of the line at the end of a step, payout positive", Fmi2Causality.input),
-            ("load_resistance", "ohm", "resistance of the load at the DC link", Fmi2Causality.input),
+            (
+                "line_velocity",
+                "m/s",
+                "velocity of the line at the end of a step, payout positive",
+                Fmi2Causality.input,
+            ),
+            (
+                "load_resistance",
+                "ohm",
+                "resistance of the load at the DC link",
+                Fmi2Causality.input,
+            ),
             (
                 "dc_voltage",
                 "V",
@@ -117,29 +138,51 @@ class RigSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
                 "step of the rig; a step of the simulation is a whole number of them",
                 Fmi2Causality.parameter,
             ),
-            ("rest_speed", "m/s", "speed of the line within which friction changes its sign", Fmi2Causality.parameter),
+            (
+                "rest_speed",
+                "m/s",
+                "speed of the line within which friction changes its sign",
+                Fmi2Causality.parameter,
+            ),
         ]
         for name, unit, what, causality in known:
             self._register(
-                name, unit, what, causality, partial(self.held.get, name), partial(self.held.__setitem__, name)
+                name,
+                unit,
+                what,
+                causality,
+                partial(self.held.get, name),
+                partial(self.held.__setitem__, name),
             )
         for path, (unit, what, u) in self.numbers.items():
             text = what if u is None else f"{what}, u = {u:.3g} {unit}"
             part, name = path.split(".")
-            number = partial(lambda part, name: getattr(getattr(self.model, part), name), part, name)
-            self._register(path, unit, text, Fmi2Causality.parameter, number, partial(self._change, part, name))
+            number = partial(
+                lambda part, name: getattr(getattr(self.model, part), name), part, name
+            )
+            self._register(
+                path, unit, text, Fmi2Causality.parameter, number, partial(self._change, part, name)
+            )
         units = {name: (unit, what) for name, (_, unit, what) in OUTPUTS.items()} | {
             f"loss_{name}": ("W", LEDGER[name].words) for name in LOST
         }
-        for name, (unit, what) in (units | {"line_displacement": ("m", "displacement of the line")}).items():
-            self._register(name, unit, what, Fmi2Causality.output, partial(self.found.get, name), None)
+        for name, (unit, what) in (
+            units | {"line_displacement": ("m", "displacement of the line")}
+        ).items():
+            self._register(
+                name, unit, what, Fmi2Causality.output, partial(self.found.get, name), None
+            )
 
-    def _register(self, name: str, unit: str, what: str, causality: Any, getter: Any, setter: Any) -> None:
+    def _register(
+        self, name: str, unit: str, what: str, causality: Any, getter: Any, setter: Any
+    ) -> None:
         """Declare one variable."""
         kind = {"variability": Fmi2Variability.continuous}
         if causality == Fmi2Causality.parameter:
             kind = {"variability": Fmi2Variability.fixed, "initial": Fmi2Initial.exact}
-        variable = WithUnit(name, unit, causality=causality, description=what, getter=getter, setter=setter, **kind)
+        variable = WithUnit(
+            name, unit, causality=causality, description=what, getter=getter, setter=setter, **kind
+        )
         self.register_variable(variable, nested=False)
 
     def _change(self, part: str, name: str, value: float) -> None:
@@ -167,7 +210,9 @@ class RigSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
             return False
         given = rig.advance(self.held["line_velocity"], step_size, load, self.held["dc_voltage"])
         v, x = rig.before()
-        self.found.update({name: given[column] for name, (column, _, _) in OUTPUTS.items()}, line_displacement=x)
+        self.found.update(
+            {name: given[column] for name, (column, _, _) in OUTPUTS.items()}, line_displacement=x
+        )
         powers = rig.powers(v, x, load)
         self.found.update({f"loss_{name}": powers[name] for name in LOST})
         return True
@@ -184,7 +229,9 @@ class RigSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         self.found.update(state["found"])
         for part, numbers in state["model"].items():
             self.model = with_part(
-                self.model, part, **{name: tuple(x) if isinstance(x, list) else x for name, x in numbers.items()}
+                self.model,
+                part,
+                **{name: tuple(x) if isinstance(x, list) else x for name, x in numbers.items()},
             )
         if state["kept"] is not None:
             self.exit_initialization_mode()

@@ -1,4 +1,6 @@
-"""The ledger of a simulation: where the energy of the line goes, stored, lost in each part, or delivered."""
+"""The ledger of a simulation: where the energy of the line goes, stored, lost in each part, or
+delivered.
+"""
 
 from typing import NamedTuple
 
@@ -30,28 +32,45 @@ _SPRING = "its spring and damping"
 LEDGER = {
     "line": Booked("delivered by the line", "line"),
     "dc": Booked("delivered by the DC link", "DC link", "delivered"),
-    **{name: Booked(f"lost to {about}", name, about) for name, about in (ELECTRICAL_LOSSES | SHAFT_LOSSES).items()},
+    **{
+        name: Booked(f"lost to {about}", name, about)
+        for name, about in (ELECTRICAL_LOSSES | SHAFT_LOSSES).items()
+    },
     "mesh": Booked("lost in the gear mesh", "mesh", "gear teeth"),
     "clutch": Booked("lost in the clutch", "clutch", "its drag while open"),
     "shaft": Booked("stored in the torsion of the shaft", "shaft", _SPRING),
     "shaft_loss": Booked("lost in the shaft", "shaft", _SPRING),
-    "capacitor": Booked("stored in the capacitor of the DC link", "capacitor", "charge of the DC link"),
+    "capacitor": Booked(
+        "stored in the capacitor of the DC link", "capacitor", "charge of the DC link"
+    ),
     "rotor": Booked("stored in the rotor", "inertia", _STILL_TURNING),
     "drum": Booked("stored in the drum", "inertia", _STILL_TURNING, True),
-    "line_loss": Booked("lost between line and torque sensor", "line losses", "between line and torque sensor", True),
+    "line_loss": Booked(
+        "lost between line and torque sensor", "line losses", "between line and torque sensor", True
+    ),
     "seal": Booked("lost to friction of the seals", "seal", "friction of the piston", True),
     "screw": Booked("lost to friction of the screw", "screw", "friction of the ball screw", True),
-    "gas": Booked("stored in the gas", "stored gas", "held by the accumulator when the window ends", True),
-    "pull": Booked("stored in spring or counterweight", "stored pull", "held by them when the window ends", True),
+    "gas": Booked(
+        "stored in the gas", "stored gas", "held by the accumulator when the window ends", True
+    ),
+    "pull": Booked(
+        "stored in spring or counterweight",
+        "stored pull",
+        "held by them when the window ends",
+        True,
+    ),
 }
-"""Energy of the line and where it goes, from the DC link back to the line: delivered, stored, or lost."""
+"""Energy of the line and where it goes, from the DC link back to the line: delivered, stored, or
+lost.
+"""
 
 
 def energies(model: Model, motion: LineMotion, load: float, out: Signal) -> dict[str, Signal]:
-    """Book the energy of a solution from its beginning to each step by the entries of `LEDGER`, (n,) each [J].
+    """Book the energy of a solution from its beginning to each step by the entries of `LEDGER`,
+    (n,) each [J].
 
-    The energy of the line is that of the true line speed, which layers of rope change; the other entries add up to it. While a
-    rope is slack, it is that of what turns the drum.
+    The energy of the line is that of the true line speed, which layers of rope change; the other
+    entries add up to it. While a rope is slack, it is that of what turns the drum.
     """
     c, got = constants(model, load, motion.rest), dict(zip(COLUMNS, out.T, strict=True))
     omega_drum, omega, shaft = motion.v / c.r_motion, got["omega_gen"], model.drivetrain
@@ -63,15 +82,27 @@ def energies(model: Model, motion: LineMotion, load: float, out: Signal) -> dict
         "capacitor": (c.shaft.c_dc, got["vdc"]),
     }
     booked = {name: integral(watt, motion.step) for name, watt in watts.items()}
-    booked |= {name: 0.5 * number * (state**2 - state[0] ** 2) for name, (number, state) in stores.items()}
+    booked |= {
+        name: 0.5 * number * (state**2 - state[0] ** 2) for name, (number, state) in stores.items()
+    }
     booked["shaft_loss"] -= booked["shaft"]
     return {name: booked[name] for name in LEDGER}
 
 
 def rates(model: Model, motion: LineMotion, load: float, out: Signal) -> dict[str, Signal]:
-    """Powers by the entries of `LEDGER` that are no stores, (n,) each [W]; `shaft_loss` includes what the spring stores."""
-    c, got, shaft = constants(model, load, motion.rest), dict(zip(COLUMNS, out.T, strict=True)), model.drivetrain
-    omega_drum, omega, sign = motion.v / c.r_motion, got["omega_gen"], physics.direction(motion.v, motion.rest)
+    """Powers by the entries of `LEDGER` that are no stores, (n,) each [W]; `shaft_loss` includes
+    what the spring stores.
+    """
+    c, got, shaft = (
+        constants(model, load, motion.rest),
+        dict(zip(COLUMNS, out.T, strict=True)),
+        model.drivetrain,
+    )
+    omega_drum, omega, sign = (
+        motion.v / c.r_motion,
+        got["omega_gen"],
+        physics.direction(motion.v, motion.rest),
+    )
     slow = physics.near_rest(motion.v, sign, model.winch)
     line = got["force"] * omega_drum * physics.rope_radius(motion.x, model.winch)
     driven, overrun = np.maximum(got["clutch"], 0.0), np.minimum(got["clutch"], 0.0)
@@ -82,7 +113,9 @@ def rates(model: Model, motion: LineMotion, load: float, out: Signal) -> dict[st
     return {
         "line": line,
         "gas": push * omega_drum,
-        "pull": physics.pull_torque(motion.x / c.r_motion, motion.a / c.r_motion, model.winch.r_drum, model.restoring)
+        "pull": physics.pull_torque(
+            motion.x / c.r_motion, motion.a / c.r_motion, model.winch.r_drum, model.restoring
+        )
         * omega_drum,
         "screw": (got["screw"] - push - seal) * omega_drum,
         "seal": seal * omega_drum,

@@ -1,4 +1,6 @@
-"""Velocity of the line that drives a model: smoothed, and taken from the displacement too where that is more precise."""
+"""Velocity of the line that drives a model: smoothed, and taken from the displacement too where
+that is more precise.
+"""
 
 from __future__ import annotations
 
@@ -12,25 +14,29 @@ from winchcascade.core.run import Mask, Run, Signal
 from winchcascade.core.smooth import evenly_stamped, local_quadratic, smoothing_weights
 
 SMOOTHING = 1.03
-"""Width of the local quadratic over the ramp of the motion: it removes the noise of an encoder, and braking keeps its
-edges (0.85 to 1.2 do). A width in samples would blur the motion of a coarse log. [1]"""
+"""Width of the local quadratic over the ramp of the motion: it removes the noise of an encoder, and
+braking keeps its edges (0.85 to 1.2 do). A width in samples would blur the motion of a coarse log.
+[1]"""
 
 INDEPENDENT = 0.15
-"""A displacement is used if its white noise is below this share of that of the velocity times the interval. One that a logger
-sums from its velocity by trapezoids has 0.19 of it, as sqrt(10 / 4 / 70), and cannot improve the velocity. [1]"""
+"""A displacement is used if its white noise is below this share of that of the velocity times the
+interval. One that a logger sums from its velocity by trapezoids has 0.19 of it, as sqrt(10 / 4 /
+70), and cannot improve the velocity. [1]"""
 
 CONSISTENT = (0.7, 1.5)
-"""Range of the difference between the velocities without and with the displacement, as a root mean square over what the noise
-of both channels makes. Below it the displacement follows from the velocity: summed by trapezoids it gives 0.25 to 0.6. Above it
-the two differ by more than noise: by a delay, a scale, or play. [1]"""
+"""Range of the difference between the velocities without and with the displacement, as a root mean
+square over what the noise of both channels makes. Below it the displacement follows from the
+velocity: summed by trapezoids it gives 0.25 to 0.6. Above it the two differ by more than noise: by
+a delay, a scale, or play. [1]"""
 
 
 class LineVelocity(msgspec.Struct, frozen=True):
     """Smoothed velocity of a log at its stamps, (n,) [m/s], and what its noise follows from.
 
-    `of_velocity` [1] and `of_displacement` [1/s] are the weights of 2 h + 1 neighbouring samples, `u_velocity` [m/s] and
-    `u_displacement` [m] the white noise of these; without a precise displacement its weights are 0. `most_noise` is the
-    standard deviation of a sample where the displacement is of least use [m/s].
+    `of_velocity` [1] and `of_displacement` [1/s] are the weights of 2 h + 1 neighbouring samples,
+    `u_velocity` [m/s] and `u_displacement` [m] the white noise of these; without a precise
+    displacement its weights are 0. `most_noise` is the standard deviation of a sample where the
+    displacement is of least use [m/s].
     """
 
     value: Signal
@@ -48,11 +54,13 @@ class LineVelocity(msgspec.Struct, frozen=True):
 
 
 def line_velocity(run: Run, ramp: float) -> LineVelocity:
-    """Smooth the velocity of a log over `SMOOTHING`, with its displacement where that is more precise and independent.
+    """Smooth the velocity of a log over `SMOOTHING`, with its displacement where that is more
+    precise and independent.
 
-    Both enter one fit around each sample: a quadratic of the velocity and the cubic of the displacement that it integrates to,
-    each weighted by its noise. Noise of the velocity does not average out of a diagnosis: an effect and the residual respond to
-    the same noise, so that their product has a mean (errors in variables; Carroll, Ruppert, Stefanski and Crainiceanu 2006).
+    Both enter one fit around each sample: a quadratic of the velocity and the cubic of the
+    displacement that it integrates to, each weighted by its noise. Noise of the velocity does not
+    average out of a diagnosis: an effect and the residual respond to the same noise, so that their
+    product has a mean (errors in variables; Carroll, Ruppert, Stefanski and Crainiceanu 2006).
 
     Parameters
     ----------
@@ -73,12 +81,19 @@ def line_velocity(run: Run, ramp: float) -> LineVelocity:
 
 
 def _with_displacement(run: Run, alone: LineVelocity) -> LineVelocity | None:
-    """The velocity with the displacement; None where that is absent, less precise, or contradicts the velocity."""
+    """The velocity with the displacement; None where that is absent, less precise, or
+    contradicts the velocity.
+    """
     velocity, displacement = run.channels["velocity"], run.channels.get("displacement")
     half, interval = alone.of_velocity.size // 2, 1.0 / run.fs
     if displacement is None or half < 1 or alone.u_velocity == 0.0:
         return None
-    of_stamps = GAUSS * median(np.abs(np.diff(run.t, 2))) / math.sqrt(6.0) * float(np.max(np.abs(alone.value)))
+    of_stamps = (
+        GAUSS
+        * median(np.abs(np.diff(run.t, 2)))
+        / math.sqrt(6.0)
+        * float(np.max(np.abs(alone.value)))
+    )
     u_velocity, u_displacement = alone.u_velocity, math.hypot(white_noise(displacement), of_stamps)
     if not 0.0 < u_displacement < INDEPENDENT * u_velocity * interval:
         return None
@@ -89,25 +104,38 @@ def _with_displacement(run: Run, alone: LineVelocity) -> LineVelocity | None:
     a, b = weights = rate_weights(half, interval, *noise)
     both = np.convolve(velocity, a[::-1], "same") + np.convolve(displacement, b[::-1], "same")
     difference = float(np.sqrt(np.mean((both - alone.value)[usable] ** 2)))
-    if not CONSISTENT[0] < difference / _noise_of(noise, (a - alone.of_velocity, b)) < CONSISTENT[1]:
+    if (
+        not CONSISTENT[0]
+        < difference / _noise_of(noise, (a - alone.of_velocity, b))
+        < CONSISTENT[1]
+    ):
         return None
     max_noise = _noise_of(noise, weights)
-    for at in range(1, half + 1):  # the ends: a machine at rest would keep the voltage of a noisy first sample
+    for at in range(
+        1, half + 1
+    ):  # the ends: a machine at rest would keep the voltage of a noisy first sample
         for middle, place in ((half, -at), (run.t.size - 1 - half, at)):
             own = rate_weights(half, interval, *noise, place)
             window = slice(middle - half, middle + half + 1)
-            both[middle + place] = sum(float(w @ x[window]) for w, x in zip(own, channels, strict=True))
+            both[middle + place] = sum(
+                float(w @ x[window]) for w, x in zip(own, channels, strict=True)
+            )
             usable[middle + place] = usable[middle]
             max_noise = max(max_noise, _noise_of(noise, own))
     if not usable.all():
         max_noise = max(max_noise, alone.max_noise)
-    return LineVelocity(np.where(usable, both, alone.value), a, b, u_velocity, u_displacement, max_noise)
+    return LineVelocity(
+        np.where(usable, both, alone.value), a, b, u_velocity, u_displacement, max_noise
+    )
 
 
-def rate_weights(half: int, step: float, u_rate: float, u_position: float, at: int = 0) -> tuple[Signal, Signal]:
+def rate_weights(
+    half: int, step: float, u_rate: float, u_position: float, at: int = 0
+) -> tuple[Signal, Signal]:
     """Weights of the rate at one of 2 half + 1 even samples of a rate and of its position.
 
-    A quadratic of the rate and the cubic of the position that it integrates to are fitted by weighted least squares.
+    A quadratic of the rate and the cubic of the position that it integrates to are fitted by
+    weighted least squares.
 
     Parameters
     ----------
@@ -136,15 +164,22 @@ def rate_weights(half: int, step: float, u_rate: float, u_position: float, at: i
 
 
 def _noise_of(noise: tuple[float, float], weights: tuple[Signal, Signal]) -> float:
-    """Standard deviation of a sum of samples of velocity and displacement with these weights. [m/s]"""
+    """Standard deviation of a sum of samples of velocity and displacement with these weights.
+    [m/s]
+    """
     return math.hypot(*(u * float(np.linalg.norm(w)) for u, w in zip(noise, weights, strict=True)))
 
 
 def _usable(run: Run, half: int) -> Mask:
-    """Samples whose neighbours within `half` are evenly stamped and were not bridged, in velocity and displacement."""
+    """Samples whose neighbours within `half` are evenly stamped and were not bridged, in
+    velocity and displacement.
+    """
     usable = evenly_stamped(run.t, half)
     for channel in ("velocity", "displacement"):
         for last_good, first_good in run.gaps.get(channel, np.zeros((0, 2))):
-            begin, end = np.searchsorted(run.t, last_good, "right"), np.searchsorted(run.t, first_good, "left")
+            begin, end = (
+                np.searchsorted(run.t, last_good, "right"),
+                np.searchsorted(run.t, first_good, "left"),
+            )
             usable[max(begin - half, 0) : end + half] = False
     return usable

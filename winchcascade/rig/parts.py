@@ -1,7 +1,7 @@
 """Parts of a rig with their numbers, and the model that consists of them.
 
-A part is a named tuple, which compiled code takes as it is. A number that is added to a part, with its unit and what it is for,
-reaches simulations, exports and the documentation from here.
+A part is a named tuple, which compiled code takes as it is. A number that is added to a part, with
+its unit and what it is for, reaches simulations, exports and the documentation from here.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 
 class Number(NamedTuple):
-    """What is known of a number of a part beside its value: its unit, what it is, its name in a rig file, where that is another
-    one, and the limits of what is physically possible.
+    """What is known of a number of a part beside its value: its unit, what it is, its name in a rig
+    file, where that is another one, and the limits of what is physically possible.
     """
 
     unit: str
@@ -42,25 +42,35 @@ ABOVE_ZERO = math.ulp(0.0)
 class WinchModel(NamedTuple):
     """Drum, rope, and what acts between line and torque sensor. The encoder turns with the drum.
 
-    `goes_slack`: the line is a rope without gas that keeps it taut, so that no tension below zero is read: something else turns
-    the drum then.
+    `goes_slack`: the line is a rope without gas that keeps it taut, so that no tension below zero
+    is read: something else turns the drum then.
     """
 
     r_drum: Annotated[float, Number("m", "radius of the drum")]
     inertia: Annotated[float, Number("kg.m2", "inertia at the drum", least=0.0)]
     friction: Annotated[float, Number("N.m", "constant torque against the motion")] = 0.0
     drag: Annotated[float, Number("N.m.s/rad", "torque over the speed of the drum")] = 0.0
-    layering: Annotated[float, Number("1/m", "change of the radius of the rope for each metre paid out")] = 0.0
-    stribeck: Annotated[float, Number("N.m", "friction at standstill beyond the constant one")] = 0.0
-    stribeck_speed: Annotated[float, Number("m/s", "speed of the line at which 1/e of that is left")] = 0.1
-    loss_share: Annotated[float, Number("1", "share of the tension lost between crane and drum")] = 0.0
+    layering: Annotated[
+        float, Number("1/m", "change of the radius of the rope for each metre paid out")
+    ] = 0.0
+    stribeck: Annotated[float, Number("N.m", "friction at standstill beyond the constant one")] = (
+        0.0
+    )
+    stribeck_speed: Annotated[
+        float, Number("m/s", "speed of the line at which 1/e of that is left")
+    ] = 0.1
+    loss_share: Annotated[
+        float, Number("1", "share of the tension lost between crane and drum")
+    ] = 0.0
     goes_slack: bool = False
 
 
 class RestoringModel(NamedTuple):
-    """Screw, piston and gas, or a spring or a counterweight that pulls at the drum, or nothing, as by default.
+    """Screw, piston and gas, or a spring or a counterweight that pulls at the drum, or nothing, as
+    by default.
 
-    Pressure, volume and force are those at zero payout. Without a piston the gas is as the atmosphere, and nothing presses.
+    Pressure, volume and force are those at zero payout. Without a piston the gas is as the
+    atmosphere, and nothing presses.
     """
 
     lead: Annotated[float, Number("m/rad", "lead of the screw")] = 0.0
@@ -68,12 +78,18 @@ class RestoringModel(NamedTuple):
     half_angle: Annotated[float, Number("rad", "half angle of the thread")] = 0.0
     mu: Annotated[float, Number("1", "friction coefficient of the screw", "mu_screw", 0.0)] = 0.0
     area: Annotated[float, Number("m2", "area of the piston", "area_piston")] = 0.0
-    pressure: Annotated[float, Number("Pa", "absolute pressure of the gas", "p_precharge", ABOVE_ZERO)] = ATMOSPHERE
+    pressure: Annotated[
+        float, Number("Pa", "absolute pressure of the gas", "p_precharge", ABOVE_ZERO)
+    ] = ATMOSPHERE
     volume: Annotated[float, Number("m3", "volume of the gas", "volume_gas", ABOVE_ZERO)] = 1.0
-    exponent: Annotated[float, Number("1", "polytropic exponent of a fast motion; 1 is isothermal")] = 1.0
+    exponent: Annotated[
+        float, Number("1", "polytropic exponent of a fast motion; 1 is isothermal")
+    ] = 1.0
     cooling: Annotated[float, Number("s", "time in which the gas gives back its heat")] = 6.0
     seal_friction: Annotated[float, Number("N", "constant friction of the piston")] = 0.0
-    stribeck: Annotated[float, Number("N.m", "friction of the seals at standstill beyond that, at the drum")] = 0.0
+    stribeck: Annotated[
+        float, Number("N.m", "friction of the seals at standstill beyond that, at the drum")
+    ] = 0.0
     force: Annotated[float, Number("N", "force of the spring")] = 0.0
     stiffness: Annotated[float, Number("N/m", "stiffness of the spring", least=0.0)] = 0.0
     mass: Annotated[float, Number("kg", "mass of the counterweight", least=0.0)] = 0.0
@@ -114,17 +130,28 @@ class DrivetrainModel(NamedTuple):
     k_shaft: Annotated[float, Number("N.m/rad", "stiffness of the PTO shaft")]
     c_shaft: Annotated[float, Number("N.m.s/rad", "damping of the PTO shaft")]
     inertia_rotor: Annotated[float, Number("kg.m2", "inertia of the fast shaft")]
-    windage: Annotated[float, Number("N.m.s2/rad2", "drag of the fast shaft over its speed squared")] = 0.0
+    windage: Annotated[
+        float, Number("N.m.s2/rad2", "drag of the fast shaft over its speed squared")
+    ] = 0.0
     friction: Annotated[float, Number("N.m", "constant drag of the fast shaft")] = 0.0
-    clutch_drag: Annotated[float, Number("N.m", "torque of the open clutch against the drum in haul-in")] = 0.0
-    coast_drag: Annotated[float, Number("N.m", "torque of the open clutch while the rotor overruns the drum")] = 0.0
-    quasi_static: Annotated[float, Number("1", "share of a solution with stiff shaft, without capacitor")] = 0.0
-    weightless: Annotated[float, Number("1", "share of one without the inertia of the rotor as well")] = 0.0
+    clutch_drag: Annotated[
+        float, Number("N.m", "torque of the open clutch against the drum in haul-in")
+    ] = 0.0
+    coast_drag: Annotated[
+        float, Number("N.m", "torque of the open clutch while the rotor overruns the drum")
+    ] = 0.0
+    quasi_static: Annotated[
+        float, Number("1", "share of a solution with stiff shaft, without capacitor")
+    ] = 0.0
+    weightless: Annotated[
+        float, Number("1", "share of one without the inertia of the rotor as well")
+    ] = 0.0
 
 
 ROLLOFF_KNOTS = (0.0, 0.5, 0.8, 1.0, 1.2, 1.4, 1.8, 2.2, 2.8, 4.0)
-"""Stator currents (rms) over the rated one at which the roll-off of the back-EMF constant is given, closest about 1, where it
-begins. Between them it is a monotone cubic, beyond the last one constant. [1]"""
+"""Stator currents (rms) over the rated one at which the roll-off of the back-EMF constant is given,
+closest about 1, where it begins. Between them it is a monotone cubic, beyond the last one constant.
+[1]"""
 
 NO_ROLLOFF = (1.0,) * (len(ROLLOFF_KNOTS) - 1)
 """Roll-off of a constant back-EMF constant: the whole of it remains at every current. [1]"""
@@ -132,7 +159,8 @@ NO_ROLLOFF = (1.0,) * (len(ROLLOFF_KNOTS) - 1)
 
 @lru_cache(maxsize=256)
 def rolloff_curve(rolloff: tuple[float, ...]) -> PchipInterpolator:
-    """Share of the back-EMF constant up to the last of `ROLLOFF_KNOTS`, by a monotone cubic [1] (Fritsch and Butland 1984).
+    """Share of the back-EMF constant up to the last of `ROLLOFF_KNOTS`, by a monotone cubic [1]
+    (Fritsch and Butland 1984).
 
     It is one of the stator current over the rated one. `rolloff` is as in `GeneratorModel`.
     """
@@ -144,7 +172,8 @@ def rolloff_curve(rolloff: tuple[float, ...]) -> PchipInterpolator:
 class GeneratorModel(NamedTuple):
     """Machine of constant parameters, and the diodes of its bridge, two of which conduct.
 
-    `rolloff` is the share of k_e that remains at the stator currents of `ROLLOFF_KNOTS` beyond the first [1].
+    `rolloff` is the share of k_e that remains at the stator currents of `ROLLOFF_KNOTS` beyond the
+    first [1].
     """
 
     pole_pairs: Annotated[float, Number("1", "pairs of poles")]
@@ -152,15 +181,21 @@ class GeneratorModel(NamedTuple):
     r_s: Annotated[float, Number("ohm", "resistance of a phase")]
     l_s: Annotated[float, Number("H", "inductance of a phase")]
     v_diode: Annotated[float, Number("V", "drop of a diode", least=0.0)]
-    r_diode: Annotated[float, Number("ohm", "slope of that drop over its current, as a resistance of the phase")] = 0.0
+    r_diode: Annotated[
+        float, Number("ohm", "slope of that drop over its current, as a resistance of the phase")
+    ] = 0.0
     i_rated: Annotated[float, Number("A", "rated stator current, rms", least=ABOVE_ZERO)] = 1.0
     rolloff: tuple[float, ...] = NO_ROLLOFF
-    averaged: Annotated[float, Number("1", "share of the textbook average in place of the switched bridge")] = 0.0
+    averaged: Annotated[
+        float, Number("1", "share of the textbook average in place of the switched bridge")
+    ] = 0.0
     uncommutated: Annotated[float, Number("1", "share of that average without commutation")] = 0.0
 
     @property
     def r_phase(self) -> float:
-        """Resistance of a phase with its conducting diode: each phase current flows through one diode at a time. [ohm]"""
+        """Resistance of a phase with its conducting diode: each phase current flows through one
+        diode at a time. [ohm]
+        """
         return self.r_s + self.r_diode
 
 
@@ -172,7 +207,9 @@ class DcLinkModel(NamedTuple):
     load_change: Annotated[float, Number("1", "deviation of a load from its nominal value")] = 0.0
 
     def resistance(self, load: float) -> float:
-        """Resistance at the DC link with a nominal load; inf is an open circuit, in which the bleed is the load. [ohm]"""
+        """Resistance at the DC link with a nominal load; inf is an open circuit, in which the
+        bleed is the load. [ohm]
+        """
         return self.r_bleed if math.isinf(load) else load * (1.0 + self.load_change)
 
 
@@ -190,7 +227,9 @@ PARTS: Mapping[str, Any] = {
 def numbers_of(part: str) -> Mapping[str, Number]:
     """Every number of a part with its unit and what it is, by name."""
     hints = get_type_hints(PARTS[part], include_extras=True)
-    return {name: hint.__metadata__[0] for name, hint in hints.items() if hasattr(hint, "__metadata__")}
+    return {
+        name: hint.__metadata__[0] for name, hint in hints.items() if hasattr(hint, "__metadata__")
+    }
 
 
 ELECTRICAL = ("vdc", "idc")
@@ -198,10 +237,11 @@ ELECTRICAL = ("vdc", "idc")
 
 
 class Sensors(msgspec.Struct, frozen=True):
-    """Errors of the sensors by channel, absent by default: relative `gain`, `zero` in SI units, and the time by which Vdc
-    and Idc are recorded late, `electrical_lag` [s].
+    """Errors of the sensors by channel, absent by default: relative `gain`, `zero` in SI units, and
+    the time by which Vdc and Idc are recorded late, `electrical_lag` [s].
 
-    `motion_scale` is the relative error of the logged velocity and displacement of the line, which drive the model [1].
+    `motion_scale` is the relative error of the logged velocity and displacement of the line, which
+    drive the model [1].
     """
 
     gain: Mapping[str, float] = msgspec.field(default_factory=dict)
@@ -219,7 +259,9 @@ class Sensors(msgspec.Struct, frozen=True):
         return stamps
 
     def recorded(self, name: str, t: Signal, x: Signal) -> Signal:
-        """Record of a sensor, with its lag, for a channel that is known at the stamps of the log, (n,) in its unit."""
+        """Record of a sensor, with its lag, for a channel that is known at the stamps of the
+        log, (n,) in its unit.
+        """
         return self.read(name, np.interp(self.late(name, t), t, x))
 
     def corrected(self, name: str, t: Signal, x: Signal) -> Signal:
@@ -229,7 +271,9 @@ class Sensors(msgspec.Struct, frozen=True):
 
 
 class Model(msgspec.Struct, frozen=True):
-    """A rig to be simulated: parts with numbers in SI units; laws that a rig file does not contain are absent."""
+    """A rig to be simulated: parts with numbers in SI units; laws that a rig file does not
+    contain are absent.
+    """
 
     winch: WinchModel
     restoring: RestoringModel
@@ -240,7 +284,9 @@ class Model(msgspec.Struct, frozen=True):
 
     @property
     def r_motion(self) -> float:
-        """Logged motion of the line over the angle of the drum: its radius, unless the logged motion has another scale. [m]"""
+        """Logged motion of the line over the angle of the drum: its radius, unless the logged
+        motion has another scale. [m]
+        """
         return self.winch.r_drum * (1.0 + self.sensors.motion_scale)
 
     @property
@@ -250,11 +296,13 @@ class Model(msgspec.Struct, frozen=True):
 
 
 IN_RIG = {"restoring.lead": 2.0 * math.pi, "restoring.mass": KGF}
-"""Numbers of the rig file over those of the model, where their units differ: a lead for each turn, a mass as its weight.
-[rad/rev, N/kg]"""
+"""Numbers of the rig file over those of the model, where their units differ: a lead for each turn,
+a mass as its weight. [rad/rev, N/kg]"""
 
 Operation = Literal["add", "scale", "compound"]
-"""Change of a number: by an amount, by a share of it or, if it is itself a relative deviation, by a further share."""
+"""Change of a number: by an amount, by a share of it or, if it is itself a relative deviation,
+by a further share.
+"""
 
 _CHANGED: Mapping[Operation, Callable[[float, float], float]] = {
     "add": lambda number, by: number + by,
@@ -262,12 +310,16 @@ _CHANGED: Mapping[Operation, Callable[[float, float], float]] = {
     "compound": lambda number, by: (1.0 + number) * (1.0 + by) - 1.0,
 }
 
-CHANGED_AGAIN: Mapping[Operation, Callable[[float, float], float]] = {**_CHANGED, "scale": _CHANGED["compound"]}
+CHANGED_AGAIN: Mapping[Operation, Callable[[float, float], float]] = {
+    **_CHANGED,
+    "scale": _CHANGED["compound"],
+}
 """The one change that is as two after each other."""
 
 
 def path_in_rig(path: str) -> str:
-    """Section and name in a rig file for the path of a number of the model, whether a file has it or not.
+    """Section and name in a rig file for the path of a number of the model, whether a file has it
+    or not.
 
     >>> path_in_rig("drivetrain.gear"), path_in_rig("generator.r_s")
     ('drivetrain.gear_ratio', 'generator.r_s')
@@ -280,7 +332,10 @@ def path_in_rig(path: str) -> str:
 @cache
 def in_rig_file(part: str) -> Mapping[str, str]:
     """Numbers of a part that rig files have, and their names there."""
-    names, stated = {name: number.in_rig or name for name, number in numbers_of(part).items()}, measures(SECTIONS[part])
+    names, stated = (
+        {name: number.in_rig or name for name, number in numbers_of(part).items()},
+        measures(SECTIONS[part]),
+    )
     return {name: in_rig for name, in_rig in names.items() if in_rig in stated}
 
 
@@ -295,7 +350,9 @@ def stated_path(path: str) -> str:
 
 
 def number_of(model: Model, path: str) -> float:
-    """A number of a model by its path: part and name, such as `generator.r_s`, and the channel of a sensor. SI units."""
+    """A number of a model by its path: part and name, such as `generator.r_s`, and the channel
+    of a sensor. SI units.
+    """
     part, name, *channel = path.split(".")
     held = getattr(getattr(model, part), name)
     number: float = held.get(channel[0], 0.0) if channel else held
@@ -310,7 +367,9 @@ def with_part(model: Model, part: str, **numbers: object) -> Model:
 
 
 def changed(model: Model, path: str, operation: Operation, by: float) -> Model:
-    """A model of which one number, by its path, is changed; changes of one kind may come in either order."""
+    """A model of which one number, by its path, is changed; changes of one kind may come in
+    either order.
+    """
     if not by:
         return model
     number = _CHANGED[operation](number_of(model, path), by)
@@ -320,9 +379,11 @@ def changed(model: Model, path: str, operation: Operation, by: float) -> Model:
 
 
 def only_change(model: Model, other: Model) -> tuple[str, float] | None:
-    """The only number in which another model differs, by its path, and by how much it is larger there.
+    """The only number in which another model differs, by its path, and by how much it is larger
+    there.
 
-    The path is empty where nothing differs; None where several numbers differ, or something that is no single number.
+    The path is empty where nothing differs; None where several numbers differ, or something that is
+    no single number.
 
     >>> from winchcascade.core.rig_toml import built_in
     >>> from winchcascade.rig.baseline import baseline
@@ -346,12 +407,20 @@ def only_change(model: Model, other: Model) -> tuple[str, float] | None:
 @cache
 def limited() -> Mapping[str, Number]:
     """Numbers with a limit of what is physically possible, by their paths."""
-    every = {f"{part}.{name}": number for part in PARTS for name, number in numbers_of(part).items()}
-    return {path: number for path, number in every.items() if (number.least, number.most) != (-math.inf, math.inf)}
+    every = {
+        f"{part}.{name}": number for part in PARTS for name, number in numbers_of(part).items()
+    }
+    return {
+        path: number
+        for path, number in every.items()
+        if (number.least, number.most) != (-math.inf, math.inf)
+    }
 
 
 def possible(model: Model) -> Model:
-    """The nearest physically possible model: an effect and the tolerance of a number of the rig may together exceed a limit."""
+    """The nearest physically possible model: an effect and the tolerance of a number of the rig
+    may together exceed a limit.
+    """
     for path, number in limited().items():
         part, _, name = path.partition(".")
         value = getattr(getattr(model, part), name)

@@ -1,9 +1,11 @@
 """The laws of the rig, each written once: the compiled step, the ledger and the stages use these.
 
-A law is plain arithmetic of numbers, or of arrays of one length, (n,), in SI units, payout positive. `sign` is the direction of
-friction: 1 in payout, -1 in haul-in, in between near rest; a caller computes it once, by `direction`.
+A law is plain arithmetic of numbers, or of arrays of one length, (n,), in SI units, payout
+positive. `sign` is the direction of friction: 1 in payout, -1 in haul-in, in between near rest; a
+caller computes it once, by `direction`.
 
-Numba does not see a change of this file: delete the compiled code of the files that use it, `find . -name "*.nb[ic]" -delete`.
+Numba does not see a change of this file: delete the compiled code of the files that use it, `find .
+-name "*.nb[ic]" -delete`.
 """
 
 import math
@@ -17,8 +19,8 @@ from winchcascade.core.run import Signal
 from winchcascade.rig.parts import DrivetrainModel, GeneratorModel, RestoringModel, WinchModel
 
 FASTMATH = {"contract", "arcp"}
-"""Of compiled loops: a product and a sum may be rounded once, and a division by a constant may be a product. Zeros and what is
-not a number stay as they are."""
+"""Of compiled loops: a product and a sum may be rounded once, and a division by a constant may be a
+product. Zeros and what is not a number stay as they are."""
 
 REST = 0.01
 """Friction at the line changes its sign within this share of the top speed of the line. [1]"""
@@ -33,7 +35,9 @@ X = TypeVar("X", float, Signal)
 """A number or an array."""
 
 law = register_jitable(fastmath=FASTMATH, error_model="numpy")
-"""Of a law: it is part of the compiled code that calls it, and a plain function of arrays elsewhere."""
+"""Of a law: it is part of the compiled code that calls it, and a plain function of arrays
+elsewhere.
+"""
 
 
 def direction(speed: Signal, within: float) -> Signal:
@@ -42,7 +46,7 @@ def direction(speed: Signal, within: float) -> Signal:
     return sign
 
 
-# ---------------------------------------------------------------------------------------------------------- line and screw
+# --------------------------------------------------------------------------------- line and screw
 @law
 def both_ways(sign: X, payout: float, haul_in: float) -> X:
     """A factor that is another one in payout and in haul-in. [1]"""
@@ -51,7 +55,9 @@ def both_ways(sign: X, payout: float, haul_in: float) -> X:
 
 @law
 def near_rest(v: X, sign: X, winch: WinchModel) -> X:
-    """Direction of the friction that fades with the speed of the line (Armstrong-Helouvry et al. 1994). [1]"""
+    """Direction of the friction that fades with the speed of the line (Armstrong-Helouvry et al.
+    1994). [1]
+    """
     slow: X = sign * np.exp(-((v / winch.stribeck_speed) ** 2))
     return slow
 
@@ -69,7 +75,9 @@ def line_losses(omega_drum: X, sign: X, slow: X, winch: WinchModel) -> X:
 
 @law
 def line_over_drum(sign: X, winch: WinchModel) -> X:
-    """Tension at the crane over that at the drum: sheaves and bending rope take a share of what drives. [1]"""
+    """Tension at the crane over that at the drum: sheaves and bending rope take a share of what
+    drives. [1]
+    """
     return both_ways(sign, 1.0 / (1.0 - winch.loss_share), 1.0 - winch.loss_share)
 
 
@@ -99,13 +107,16 @@ def pulls(part: RestoringModel) -> bool:
 
 @law
 def pull_torque(angle: X, rise: X, r_drum: float, part: RestoringModel) -> X:
-    """Torque at the drum of a spring, F0 + k x, and of a counterweight, m (g + a), that the line of the drum moves. [N m]
+    """Torque at the drum of a spring, F0 + k x, and of a counterweight, m (g + a), that the line of
+    the drum moves. [N m]
 
     Parameters
     ----------
     angle, rise : of the drum since zero payout [rad], and its acceleration [rad/s2]
     """
-    return r_drum * (part.force + part.stiffness * r_drum * angle + part.mass * (KGF + r_drum * rise))
+    return r_drum * (
+        part.force + part.stiffness * r_drum * angle + part.mass * (KGF + r_drum * rise)
+    )
 
 
 @law
@@ -125,7 +136,7 @@ def open_clutch(sign: X, shaft: DrivetrainModel) -> X:
     return -shaft.clutch_drag * 0.5 * (1.0 - sign) * abs(sign)
 
 
-# -------------------------------------------------------------------------------------------------------------- fast shaft
+# ------------------------------------------------------------------------------------- fast shaft
 SHAFT_LOSSES = {
     "friction": "constant drag of the fast shaft",
     "damper": "viscous drag of the fast shaft",
@@ -136,13 +147,18 @@ SHAFT_LOSSES = {
 
 @law
 def has_dry_friction(shaft: DrivetrainModel) -> bool:
-    """Whether a law of the fast shaft depends on the direction of friction, which takes long to compute."""
+    """Whether a law of the fast shaft depends on the direction of friction, which takes long to
+    compute.
+    """
     return shaft.friction != 0.0 or shaft.coast_drag != 0.0
 
 
 @law
-def shaft_losses(omega: X, sign: X, turn: float, shaft: DrivetrainModel) -> tuple[tuple[X, X | float], ...]:
-    """Torque against the fast shaft by each of `SHAFT_LOSSES` [N m], with the slope by which it is stepped [N m s/rad].
+def shaft_losses(
+    omega: X, sign: X, turn: float, shaft: DrivetrainModel
+) -> tuple[tuple[X, X | float], ...]:
+    """Torque against the fast shaft by each of `SHAFT_LOSSES` [N m], with the slope by which it is
+    stepped [N m s/rad].
 
     Dry friction comes first: it alone may be negative, within the tolerance of a fit.
 
@@ -167,7 +183,7 @@ def total(losses: tuple[tuple[X, X | float], ...]) -> tuple[X, X | float]:
     return torque, slope
 
 
-# ---------------------------------------------------------------------------------------------------------------- generator
+# -------------------------------------------------------------------------------------- generator
 @law
 def reactance(omega: X, machine: GeneratorModel) -> X:
     """Reactance of a phase at a speed of the fast shaft. [ohm]"""
@@ -180,13 +196,17 @@ ELECTRICAL_LOSSES = {"copper": "resistance of the stator", "diodes": "drop of th
 
 @law
 def electrical_losses(i_bridge: X, i_s: X, machine: GeneratorModel) -> tuple[X, X]:
-    """Power by each of `ELECTRICAL_LOSSES` at a current of the bridge and a stator current, rms. [W]"""
+    """Power by each of `ELECTRICAL_LOSSES` at a current of the bridge and a stator current, rms.
+    [W]
+    """
     square = 3.0 * i_s * i_s
     return machine.r_s * square, 2.0 * machine.v_diode * i_bridge + machine.r_diode * square
 
 
 @law
 def air_gap_power(v_dc: X, i_bridge: X, i_s: X, machine: GeneratorModel) -> X:
-    """Power that the rotor gives the stator: what reaches the DC link, and what is lost before. [W]"""
+    """Power that the rotor gives the stator: what reaches the DC link, and what is lost before.
+    [W]
+    """
     copper, diodes = electrical_losses(i_bridge, i_s, machine)
     return v_dc * i_bridge + copper + diodes

@@ -14,7 +14,9 @@ from winchcascade.rig.state import Constants
 
 
 class Path(NamedTuple):
-    """A motion of the line, and the direction of friction along it, (n,): once for all models [1]."""
+    """A motion of the line, and the direction of friction along it, (n,): once for all models
+    [1].
+    """
 
     motion: LineMotion
     direction: Signal
@@ -25,8 +27,11 @@ def path_of(motion: LineMotion) -> Path:
     return Path(motion, physics.direction(motion.v, motion.rest))
 
 
-def recorded(path: Path, numbers: Constants, shaft: Signal, sensors: Sensors) -> tuple[Signal, Signal, Signal, Signal]:
-    """Pressure, force, torque and Vdc along a solution of the shaft, (n,) each, SI units, without gains and zeros of sensors.
+def recorded(
+    path: Path, numbers: Constants, shaft: Signal, sensors: Sensors
+) -> tuple[Signal, Signal, Signal, Signal]:
+    """Pressure, force, torque and Vdc along a solution of the shaft, (n,) each, SI units, without
+    gains and zeros of sensors.
 
     Parameters
     ----------
@@ -39,7 +44,9 @@ def recorded(path: Path, numbers: Constants, shaft: Signal, sensors: Sensors) ->
     return pressure, physics.tension(force, numbers.winch), torque, vdc
 
 
-def readings(path: Path, numbers: Constants, shaft: Signal, sensors: Sensors, skew: Signal | None = None) -> Signal:
+def readings(
+    path: Path, numbers: Constants, shaft: Signal, sensors: Sensors, skew: Signal | None = None
+) -> Signal:
     """Read the sensors along a solution of the shaft, (5, n): the channels `READ`, SI units.
 
     Parameters
@@ -50,11 +57,14 @@ def readings(path: Path, numbers: Constants, shaft: Signal, sensors: Sensors, sk
     *true, vdc = recorded(path, numbers, shaft, sensors)
     true += [vdc, vdc / numbers.shaft.load]
     delays = np.zeros(len(READ)) if skew is None else skew / path.motion.step
-    return np.array([sensors.read(name, late(x, by)) for name, x, by in zip(READ, true, delays, strict=True)])
+    return np.array(
+        [sensors.read(name, late(x, by)) for name, x, by in zip(READ, true, delays, strict=True)]
+    )
 
 
 def late(x: Signal, steps: float) -> Signal:
-    """A signal at even steps, (n,), read late by a number of steps, by straight lines; its ends are extended.
+    """A signal at even steps, (n,), read late by a number of steps, by straight lines; its ends are
+    extended.
 
     >>> late(np.array([0.0, 2.0, 4.0]), 0.5)
     array([0., 1., 3.])

@@ -1,8 +1,8 @@
 """Stage by stage: the output of each part of a rig for the inputs that were measured at that part.
 
-Driven from the motion of the line alone, a model carries every error down to its end. Here each stage gets its own measured
-inputs, so that an error upstream neither hides nor imitates one downstream. A rig with only some of the stages is compared in
-these.
+Driven from the motion of the line alone, a model carries every error down to its end. Here each
+stage gets its own measured inputs, so that an error upstream neither hides nor imitates one
+downstream. A rig with only some of the stages is compared in these.
 """
 
 import math
@@ -28,16 +28,22 @@ STAGES: tuple[str, ...] = get_args(Stage)
 """Stages in their order from the line to the load."""
 
 MOVING = 3.0
-"""Multiple of the speed in which friction turns below which it only bounds the force, and the torque that follows. [1]"""
+"""Multiple of the speed in which friction turns below which it only bounds the force, and the
+torque that follows. [1]
+"""
 
 CONDUCTING = 0.5
-"""The bridge determines the DC voltage while it carries at least this share of the current of the load."""
+"""The bridge determines the DC voltage while it carries at least this share of the current of
+the load.
+"""
 
 
 class StageOutput(msgspec.Struct, frozen=True):
-    """Output of one stage: `predicted` (n,) of a `channel` at the stamps of the log, SI units, as its sensor would read it.
+    """Output of one stage: `predicted` (n,) of a `channel` at the stamps of the log, SI units, as
+    its sensor would read it.
 
-    `inputs` are the measured channels it follows from. NaN where the stage has no output: at rest, or with the clutch open.
+    `inputs` are the measured channels it follows from. NaN where the stage has no output: at rest,
+    or with the clutch open.
     """
 
     stage: Stage
@@ -47,8 +53,8 @@ class StageOutput(msgspec.Struct, frozen=True):
 
 
 class Along(msgspec.Struct, frozen=True):
-    """The motion of a log for its stages, SI units: `motion` on even steps, its `ramp` [s], and at the stamps `x`, `v`, `a`,
-    (n,) each.
+    """The motion of a log for its stages, SI units: `motion` on even steps, its `ramp` [s], and at
+    the stamps `x`, `v`, `a`, (n,) each.
 
     `engaged` (n,) marks the stamps at which the clutch carries torque while the line pays out.
     """
@@ -72,8 +78,9 @@ class Along(msgspec.Struct, frozen=True):
 
 
 class _Drive(msgspec.Struct, frozen=True):
-    """Speed of the generator while the clutch is engaged [rpm], DC voltage [V], currents of the load and of the bridge, which
-    charges the capacitor too [A], (n,) each; NaN where Vdc or Idc is not logged.
+    """Speed of the generator while the clutch is engaged [rpm], DC voltage [V], currents of the
+    load and of the bridge, which charges the capacitor too [A], (n,) each; NaN where Vdc or Idc is
+    not logged.
     """
 
     rpm: Signal
@@ -95,19 +102,23 @@ def along(run: Run, motion: LineMotion, ramp: float, clutch: Signal) -> Along:
     return Along(motion, ramp, x, v, a, (carries == 1.0) & (v > MOVING * motion.rest))
 
 
-def outputs_along(run: Run, model: Model, course: Along, only: Collection[str] = STAGES) -> tuple[StageOutput, ...]:
-    """Compute the output of each stage of a rig from its own measured inputs, in order from the line to the load.
+def outputs_along(
+    run: Run, model: Model, course: Along, only: Collection[str] = STAGES
+) -> tuple[StageOutput, ...]:
+    """Compute the output of each stage of a rig from its own measured inputs, in order from the
+    line to the load.
 
     restoring : pressure of the gas, from the motion of the line
-    transmission : torque of the PTO shaft, from line tension, motion and pressure, less screw or pull, losses and inertia
-    gearbox : the same torque, from the shaft speed and the power across the air gap, which follows from Vdc and Idc; in
-        haul-in the drag of the open clutch
+    transmission : torque of the PTO shaft, from line tension, motion and pressure, less screw or
+        pull, losses and inertia
+    gearbox : the same torque, from the shaft speed and the power across the air gap, which follows
+        from Vdc and Idc; in haul-in the drag of the open clutch
     generator : Vdc, from the shaft speed and the current that Idc and the capacitor take
     load : Idc, from Vdc; only where the load is known and no open circuit
 
-    A stage whose inputs the log lacks is left out, and `restoring` of a rig without gas. Whether the clutch carries torque is
-    taken from the model along the motion, so from no measured force, torque or voltage. In open circuit the bleed is the load,
-    and Idc is not used.
+    A stage whose inputs the log lacks is left out, and `restoring` of a rig without gas. Whether
+    the clutch carries torque is taken from the model along the motion, so from no measured force,
+    torque or voltage. In open circuit the bleed is the load, and Idc is not used.
 
     Parameters
     ----------
@@ -159,7 +170,8 @@ def _pressure(run: Run, model: Model, motion: LineMotion) -> Signal:
 
 
 def _torque_of_line(model: Model, course: Along, force: Signal, pressure: Signal) -> Signal:
-    """Torque of the PTO shaft that follows from the line tension, (n,) [N m]: the inverse of `kernel.run_line`.
+    """Torque of the PTO shaft that follows from the line tension, (n,) [N m]: the inverse of
+    `kernel.run_line`.
 
     A rope that is slack by the model has no tension that a torque follows from.
     """
@@ -169,27 +181,45 @@ def _torque_of_line(model: Model, course: Along, force: Signal, pressure: Signal
     screw *= physics.both_ways(sign, 1.0 / gas.eta_forward, gas.eta_reverse)
     lost = physics.line_losses(omega, sign, slow, winch) + winch.inertia * course.a / model.r_motion
     if physics.pulls(gas):
-        lost += physics.pull_torque(course.x / model.r_motion, course.a / model.r_motion, winch.r_drum, gas)
+        lost += physics.pull_torque(
+            course.x / model.r_motion, course.a / model.r_motion, winch.r_drum, gas
+        )
         lost += physics.pull_friction(sign, winch.r_drum, gas)
-    torque = force / physics.line_over_drum(sign, winch) * physics.rope_radius(course.x, winch) - screw - lost
+    torque = (
+        force / physics.line_over_drum(sign, winch) * physics.rope_radius(course.x, winch)
+        - screw
+        - lost
+    )
     known = course.moves
-    return np.where(known & (course.engaged | (screw + lost > 0.0)) if winch.goes_slack else known, torque, np.nan)
+    return np.where(
+        known & (course.engaged | (screw + lost > 0.0)) if winch.goes_slack else known,
+        torque,
+        np.nan,
+    )
 
 
 def _torque_of_shaft(model: Model, course: Along, drive: _Drive) -> Signal:
-    """Torque of the PTO shaft that the fast shaft needs, (n,) [N m]; in haul-in that of the open clutch.
+    """Torque of the PTO shaft that the fast shaft needs, (n,) [N m]; in haul-in that of the open
+    clutch.
 
-    The torque of the machine follows from the power across the air gap: neither k_e nor its roll-off enters.
+    The torque of the machine follows from the power across the air gap: neither k_e nor its
+    roll-off enters.
     """
     shaft, machine = model.drivetrain, model.generator
     dragging = physics.open_clutch(course.direction, shaft)
     torque = np.where(course.moves & (course.v < 0.0), dragging, np.nan)
     known = course.engaged & (drive.rpm > rpm_min(drive.rpm)) & np.isfinite(drive.i_bridge)
-    omega, vdc, current = drive.rpm[known] / RPM, drive.vdc[known], np.maximum(drive.i_bridge[known], 0.0)
+    omega, vdc, current = (
+        drive.rpm[known] / RPM,
+        drive.vdc[known],
+        np.maximum(drive.i_bridge[known], 0.0),
+    )
     _, i_s = back_emfs(machine, omega, vdc, current)
     torque_em = physics.air_gap_power(vdc, current, i_s, machine) / omega
     turn = physics.TURN * course.motion.rest / model.r_motion * shaft.gear
-    drag, _ = physics.total(physics.shaft_losses(omega, physics.direction(omega, turn), turn, shaft))
+    drag, _ = physics.total(
+        physics.shaft_losses(omega, physics.direction(omega, turn), turn, shaft)
+    )
     speeding = shaft.inertia_rotor * course.a[known] / model.r_motion * shaft.gear
     torque[known] = shaft.gear / shaft.eta_mesh * (torque_em + drag + speeding)
     return torque
@@ -199,7 +229,9 @@ def _voltage(model: Model, course: Along, drive: _Drive) -> Signal:
     """DC voltage at which the machine gives the current of the bridge, (n,) [V]."""
     known = course.engaged & (drive.rpm > rpm_min(drive.rpm)) & (drive.i_bridge > 0.0)
     known &= drive.i_bridge > CONDUCTING * np.maximum(drive.i_load, 0.0)
-    v_total, _ = dc_voltages(model.generator, drive.rpm[known] / RPM, drive.i_bridge[known], bridge_table())
+    v_total, _ = dc_voltages(
+        model.generator, drive.rpm[known] / RPM, drive.i_bridge[known], bridge_table()
+    )
     found = np.full(known.size, np.nan)
     found[known] = np.where(v_total > 0.0, v_total - 2.0 * model.generator.v_diode, np.nan)
     return found

@@ -1,12 +1,14 @@
 """The state of a rig, and one step of it through time: velocity of the line in, tension out.
 
-Loops over a whole motion and solvers of other bodies step a rig by these functions. Each takes a state and gives
-the next one, so that a state can be kept and gone back to. The fast shaft behind clutch and shaft spring, the
-temperature of the gas and the DC link have a state. All are stepped by the trapezoidal rule, linearly implicitly (the
-spring by its stiffness, DC link and machine together by the slopes of the bridge, dry friction by its slope), so the error
-falls with the square of the step.
+Loops over a whole motion and solvers of other bodies step a rig by these functions. Each takes a
+state and gives the next one, so that a state can be kept and gone back to. The fast shaft behind
+clutch and shaft spring, the temperature of the gas and the DC link have a state. All are stepped by
+the trapezoidal rule, linearly implicitly (the spring by its stiffness, DC link and machine together
+by the slopes of the bridge, dry friction by its slope), so the error falls with the square of the
+step.
 
-Numba does not see in the files of the loops that this file has changed: delete the compiled code, as for `physics.py`.
+Numba does not see in the files of the loops that this file has changed: delete the compiled code,
+as for `physics.py`.
 """
 
 from __future__ import annotations
@@ -33,27 +35,31 @@ from winchcascade.rig.parts import (
 from winchcascade.rig.physics import FASTMATH, RPM
 
 SATURATED = 20.0
-"""Speed in multiples of that within which friction turns, from which it has its full size to the last digit. [1]"""
+"""Speed in multiples of that within which friction turns, from which it has its full size to the
+last digit. [1]
+"""
 
 MAX_RETURNED = 0.5
-"""Share of the damping of the fast shaft that a negative friction, a deviation of the model within its tolerance, may return:
-the shaft still comes to rest. [1]"""
+"""Share of the damping of the fast shaft that a negative friction, a deviation of the model within
+its tolerance, may return: the shaft still comes to rest. [1]"""
 
 FADED = 1e-30
-"""A speed or voltage that has decayed to less is zero [rad/s, V]. At rest both would become subnormal numbers, with which a
-processor takes many times as long."""
+"""A speed or voltage that has decayed to less is zero [rad/s, V]. At rest both would become
+subnormal numbers, with which a processor takes many times as long."""
 
 MIN_REACTANCE = 1e-6
 """Of a phase at rest as a share of its resistance, so that its angle is defined. [1]"""
 
 MIN_VOLUME = 0.01
-"""Minimum share of the gas volume that remains, as a fit may try numbers with which the gas would vanish. [1]"""
+"""Minimum share of the gas volume that remains, as a fit may try numbers with which the gas
+would vanish. [1]
+"""
 
 
 class ShaftNumbers(NamedTuple):
-    """Numbers that the solution of the shaft depends on, SI units: parts, capacitor, load, `r_motion` as in `Constants`,
-    the speed `turn` within which friction changes its sign, and the remaining share of the back-EMF constant at
-    `ROLLOFF_KNOTS` with its slopes there.
+    """Numbers that the solution of the shaft depends on, SI units: parts, capacitor, load,
+    `r_motion` as in `Constants`, the speed `turn` within which friction changes its sign, and the
+    remaining share of the back-EMF constant at `ROLLOFF_KNOTS` with its slopes there.
     """
 
     drivetrain: DrivetrainModel
@@ -67,9 +73,11 @@ class ShaftNumbers(NamedTuple):
 
 
 class Constants(NamedTuple):
-    """Numbers of a model at one load as compiled code takes them, SI units; `shaft` are those of the generator's side.
+    """Numbers of a model at one load as compiled code takes them, SI units; `shaft` are those of
+    the generator's side.
 
-    `r_motion` is the logged motion over the angle of the drum [m]: `r_drum`, unless the logged motion has another scale.
+    `r_motion` is the logged motion over the angle of the drum [m]: `r_drum`, unless the logged
+    motion has another scale.
     """
 
     winch: WinchModel
@@ -82,7 +90,8 @@ class Constants(NamedTuple):
 
 
 def constants(model: Model, load: float, rest: float) -> Constants:
-    """Put the numbers of a model together for one load; inf is an open circuit, which the bleed alone discharges. [ohm]
+    """Put the numbers of a model together for one load; inf is an open circuit, which the bleed
+    alone discharges. [ohm]
 
     Parameters
     ----------
@@ -99,7 +108,9 @@ def constants(model: Model, load: float, rest: float) -> Constants:
         (1.0, *machine.rolloff),
         rolloff_slopes(machine.rolloff),
     )
-    return Constants(model.winch, gas, gas.eta_forward, gas.eta_reverse, r_motion, model.drivetrain, shaft)
+    return Constants(
+        model.winch, gas, gas.eta_forward, gas.eta_reverse, r_motion, model.drivetrain, shaft
+    )
 
 
 @lru_cache(maxsize=256)
@@ -117,7 +128,8 @@ def rolloff_at(
     Parameters
     ----------
     i_s : over the rated current [1]
-    rolloff, slopes : share at `ROLLOFF_KNOTS` and its slopes there, or the change of both along a direction [1]
+    rolloff, slopes : share at `ROLLOFF_KNOTS` and its slopes there, or the change of both along a
+        direction [1]
     """
     if i_s >= ROLLOFF_KNOTS[-1]:
         return rolloff[-1], 0.0
@@ -134,10 +146,14 @@ def rolloff_at(
 
 
 _NEAR = 2e-4
-"""Distance of the stator current from the root before the last Newton step, over the rated one; after it about 1e-8. [1]"""
+"""Distance of the stator current from the root before the last Newton step, over the rated one;
+after it about 1e-8. [1]
+"""
 
 NEWTON_ALONE = 4
-"""Newton steps before a bracket is used: from the previous time step, one is nearly always enough."""
+"""Newton steps before a bracket is used: from the previous time step, one is nearly always
+enough.
+"""
 
 _SQRT2 = math.sqrt(2.0)
 
@@ -145,13 +161,19 @@ _SQRT2 = math.sqrt(2.0)
 # inline: the numbers of the parts would be copied at every call
 @njit(cache=True, error_model="numpy", inline="always", fastmath=FASTMATH)
 def weakened_bridge(
-    v_total: float, v_full: float, ohm: tuple[float, float], guess: float, c: ShaftNumbers, table: Signal
+    v_total: float,
+    v_full: float,
+    ohm: tuple[float, float],
+    guess: float,
+    c: ShaftNumbers,
+    table: Signal,
 ) -> tuple[float, float, float, float, float, float]:
-    """Currents of the bridge, DC and stator rms [A], while the latter weakens the back-EMF; the slopes of both over the DC
-    voltage [A/V], and over the back-EMF that no current weakens, at one reactance [A/V].
+    """Currents of the bridge, DC and stator rms [A], while the latter weakens the back-EMF; the
+    slopes of both over the DC voltage [A/V], and over the back-EMF that no current weakens, at one
+    reactance [A/V].
 
-    More current leaves less back-EMF, so there is one root. Newton steps start at a guess; where the roll-off is steep they
-    may overshoot, and then they stay in a bracket.
+    More current leaves less back-EMF, so there is one root. Newton steps start at a guess; where
+    the roll-off is steep they may overshoot, and then they stay in a bracket.
 
     Parameters
     ----------
@@ -196,8 +218,8 @@ def _turned(
     times: tuple[float, float],
     shaft: DrivetrainModel,
 ) -> tuple[float, float, float]:
-    """Turn the fast shaft by one step, by the trapezoidal rule: torque of the clutch [N m], then twist [rad] and speed [rad/s]
-    at the end of the step.
+    """Turn the fast shaft by one step, by the trapezoidal rule: torque of the clutch [N m], then
+    twist [rad] and speed [rad/s] at the end of the step.
 
     Parameters
     ----------
@@ -211,7 +233,11 @@ def _turned(
     share = shaft.eta_mesh / shaft.gear
     stiff = 0.5 * dt * shaft.k_shaft + shaft.c_shaft
     mass = shaft.inertia_rotor / dt
-    sign = math.tanh(half_way / turn) if physics.has_dry_friction(shaft) and half_way < SATURATED * turn else 1.0
+    sign = (
+        math.tanh(half_way / turn)
+        if physics.has_dry_friction(shaft) and half_way < SATURATED * turn
+        else 1.0
+    )
     each = physics.shaft_losses(half_way, sign, turn, shaft)
     drag, slope = physics.total(each)
     dry, steep = each[0]
@@ -219,9 +245,9 @@ def _turned(
         drag, slope = (1.0 - MAX_RETURNED) * (drag - dry), (1.0 - MAX_RETURNED) * (slope - steep)
     losses, pull = 0.5 * (slope + brakes), (brakes + slope) * half_way - (em + drag)
     driven = (mass - losses) * omega + pull
-    after = (driven + share * (shaft.k_shaft * twist + stiff * (drum_half - 0.5 * omega / shaft.gear))) / (
-        mass + losses + 0.5 * share * stiff / shaft.gear
-    )
+    after = (
+        driven + share * (shaft.k_shaft * twist + stiff * (drum_half - 0.5 * omega / shaft.gear))
+    ) / (mass + losses + 0.5 * share * stiff / shaft.gear)
     slip = drum_half - 0.5 * (omega + after) / shaft.gear
     torque = shaft.k_shaft * twist + stiff * slip
     if torque > 0.0:
@@ -234,8 +260,9 @@ def _turned(
 
 
 class ShaftState(NamedTuple):
-    """State of the generator's side: speed of the fast shaft and that of the step before [rad/s], twist of the shaft
-    spring [rad], DC voltage [V], and the stator current that is expected next and that of the step before [A].
+    """State of the generator's side: speed of the fast shaft and that of the step before [rad/s],
+    twist of the shaft spring [rad], DC voltage [V], and the stator current that is expected next
+    and that of the step before [A].
     """
 
     omega: float = 0.0
@@ -247,8 +274,8 @@ class ShaftState(NamedTuple):
 
 
 class GasState(NamedTuple):
-    """State of the gas: heat of compression that it still holds, as the logarithm of the pressure ratio, and logarithm of
-    its compression, (volume at zero payout over the present one) [1].
+    """State of the gas: heat of compression that it still holds, as the logarithm of the pressure
+    ratio, and logarithm of its compression, (volume at zero payout over the present one) [1].
     """
 
     heat: float = 0.0
@@ -258,7 +285,12 @@ class GasState(NamedTuple):
 # inline: the numbers of the parts would be copied at every call
 @njit(cache=True, error_model="numpy", inline="always", fastmath=FASTMATH)
 def step_shaft(
-    state: ShaftState, speeds: tuple[float, float], dt: float, load: float, c: ShaftNumbers, table: Signal
+    state: ShaftState,
+    speeds: tuple[float, float],
+    dt: float,
+    load: float,
+    c: ShaftNumbers,
+    table: Signal,
 ) -> tuple[ShaftState, tuple[float, float, float, float]]:
     """Step the generator's side once: clutch, shaft, gear, machine, bridge and DC link.
 
@@ -270,8 +302,8 @@ def step_shaft(
 
     Returns
     -------
-    The state at the end, and half-way torque of the clutch [N m], stator current, rms [A], air-gap torque [N m] and
-    current of the bridge [A].
+    The state at the end, and half-way torque of the clutch [N m], stator current, rms [A], air-gap
+    torque [N m] and current of the bridge [A].
     """
     machine, r_s = c.generator, c.generator.r_s + c.generator.r_diode
     omega, v_dc, slow = state.omega, state.v_dc, 2.0 * c.turn
@@ -280,13 +312,20 @@ def step_shaft(
     v_total = v_dc + 2.0 * machine.v_diode
     v_full = machine.k_e * half_way * RPM
     i_b = i_s = b_h = s_h = b_v = s_v = em = brakes = 0.0
-    conducts = v_total < _SQRT2 * v_full  # most steps do not, and are then done in two thirds of the time
+    conducts = (
+        v_total < _SQRT2 * v_full
+    )  # most steps do not, and are then done in two thirds of the time
     if conducts:
         ohm = r_s, max(physics.reactance(half_way, machine), MIN_REACTANCE * r_s)
-        i_b, i_s, b_v, s_v, b_full, s_full = weakened_bridge(v_total, v_full, ohm, state.guess, c, table)
+        i_b, i_s, b_v, s_v, b_full, s_full = weakened_bridge(
+            v_total, v_full, ohm, state.guess, c, table
+        )
         # half-way, DC voltage and air-gap torque follow the speed there by the bridge's slopes
         b_h, s_h = b_full * machine.k_e * RPM, s_full * machine.k_e * RPM
-    guess, i_before = max(2.0 * i_s - state.i_before, 0.0), i_s  # the stator current goes on as it went
+    guess, i_before = (
+        max(2.0 * i_s - state.i_before, 0.0),
+        i_s,
+    )  # the stator current goes on as it went
     holds = 2.0 * c.c_dc / dt + 1.0 / load - b_v
     fills = (i_b - v_dc / load) / holds
     if conducts:
@@ -323,7 +362,8 @@ def step_line(
     dt: float,
     c: Constants,
 ) -> tuple[GasState, tuple[float, float, float, float]]:
-    """Compute the line tension after a step: gas and screw, spring or counterweight, losses and inertia at the drum, clutch.
+    """Compute the line tension after a step: gas and screw, spring or counterweight, losses and
+    inertia at the drum, clutch.
 
     Parameters
     ----------
@@ -335,8 +375,8 @@ def step_line(
 
     Returns
     -------
-    The state now, and gauge pressure [Pa], line tension [N], torque that the sensor sees and that of the screw at the
-    drum [N m].
+    The state now, and gauge pressure [Pa], line tension [N], torque that the sensor sees and that
+    of the screw at the drum [N m].
     """
     winch, gas = c.winch, c.restoring
     x, v, a = motion
@@ -348,14 +388,21 @@ def step_line(
         heat, squeezed = state.heat, math.log(gas.volume / volume)
         if dt > 0.0:
             fade = 0.5 * dt / gas.cooling
-            heat = (heat * (1.0 - fade) + (gas.exponent - 1.0) * (squeezed - state.log_volume)) / (1.0 + fade)
+            heat = (heat * (1.0 - fade) + (gas.exponent - 1.0) * (squeezed - state.log_volume)) / (
+                1.0 + fade
+            )
         state = GasState(heat, squeezed)
         gauge = (gauge + ATMOSPHERE) * math.exp(heat) - ATMOSPHERE
     screw = physics.piston_torque(gauge, gas) + physics.seal_torque(sign, slow, gas)
     screw *= physics.both_ways(sign, 1.0 / c.eta_forward, c.eta_reverse)
     drag = physics.open_clutch(sign, c.drivetrain)
     seen = torque + drag if torque >= 0.0 else min(torque, drag)
-    needed = screw + seen + physics.line_losses(v / c.r_motion, sign, slow, winch) + winch.inertia * a / c.r_motion
+    needed = (
+        screw
+        + seen
+        + physics.line_losses(v / c.r_motion, sign, slow, winch)
+        + winch.inertia * a / c.r_motion
+    )
     if physics.pulls(gas):
         needed += physics.pull_torque(x / c.r_motion, a / c.r_motion, winch.r_drum, gas)
         needed += physics.pull_friction(sign, winch.r_drum, gas)

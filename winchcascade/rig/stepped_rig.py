@@ -1,4 +1,6 @@
-"""A rig that another solver drives step by step: velocity of the line and load in, tension and all else out."""
+"""A rig that another solver drives step by step: velocity of the line and load in, tension and
+all else out.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +23,9 @@ KEPT = (
     "omega", "omega_before", "twist", "v_dc", "guess", "i_before", "heat", "log_volume",
     "torque_half", "i_s_half", "em_half", "i_bridge_half", "x", "v", "x_before", "v_before", "steps",
 )  # fmt: skip
-"""Numbers that a rig is kept and gone back to by: states of shaft and gas, what was half-way in the last step, displacement of
-the line [m] and its velocity [m/s], now and a step before, and the number of steps made."""
+"""Numbers that a rig is kept and gone back to by: states of shaft and gas, what was half-way in the
+last step, displacement of the line [m] and its velocity [m/s], now and a step before, and the
+number of steps made."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
@@ -76,14 +79,17 @@ def advance(
 
 
 SOURCE = 1e9
-"""Capacitor of a DC link whose voltage is held, over its own: the current of the bridge changes it by less than 1e-9. [1]"""
+"""Capacitor of a DC link whose voltage is held, over its own: the current of the bridge changes
+it by less than 1e-9. [1]
+"""
 
 
 class SteppedRig:
     """A rig with a state, at rest at first.
 
-    What it gives holds at the begin of the last step, one `step` before the last velocity: torque and currents are means
-    over the step before and the one after. Along the same velocities at the same steps it is what `simulate` gives.
+    What it gives holds at the begin of the last step, one `step` before the last velocity: torque
+    and currents are means over the step before and the one after. Along the same velocities at the
+    same steps it is what `simulate` gives.
 
     Parameters
     ----------
@@ -110,7 +116,8 @@ class SteppedRig:
         return float(self.kept[KEPT.index("v_before")]), float(self.kept[KEPT.index("x_before")])
 
     def advance(self, v: float, takes: float, load: float, vdc: float = 0.0) -> dict[str, float]:
-        """Step to a velocity of the line, which changes evenly until then: `kernel.COLUMNS` by name.
+        """Step to a velocity of the line, which changes evenly until then: `kernel.COLUMNS` by
+        name.
 
         Parameters
         ----------
@@ -121,20 +128,37 @@ class SteppedRig:
         """
         held = vdc > 0.0
         if (load, held) != (self._load, self._held):
-            link = self.model.dc_link._replace(c_dc=self.model.dc_link.c_dc * (SOURCE if held else 1.0))
+            link = self.model.dc_link._replace(
+                c_dc=self.model.dc_link.c_dc * (SOURCE if held else 1.0)
+            )
             numbers = constants(
-                msgspec.structs.replace(self.model, dc_link=link), math.inf if held else load, self.rest
+                msgspec.structs.replace(self.model, dc_link=link),
+                math.inf if held else load,
+                self.rest,
             )
             self._load, self._held, self._numbers = load, held, numbers
         if held:
             self.kept[KEPT.index("v_dc")] = vdc
         count, ohm = max(1, round(takes / self.step)), self._numbers.shaft.load
-        advance(self.kept, (v, count), takes / count, ohm, self.rest, self._numbers, self._table, self.out)
+        advance(
+            self.kept,
+            (v, count),
+            takes / count,
+            ohm,
+            self.rest,
+            self._numbers,
+            self._table,
+            self.out,
+        )
         given = dict(zip(COLUMNS, self.out.tolist(), strict=True))
         return given | {"idc": given["i_bridge"] - given["idc"]} if held else given
 
     def powers(self, v: float, x: float, load: float) -> dict[str, float]:
-        """Power by the rates of the ledger at what was given last, where the line had a velocity and a displacement. [W]"""
-        motion = LineMotion(np.zeros(1), np.array([x]), np.array([v]), np.zeros(1), self.step, self.rest)
+        """Power by the rates of the ledger at what was given last, where the line had a velocity
+        and a displacement. [W]
+        """
+        motion = LineMotion(
+            np.zeros(1), np.array([x]), np.array([v]), np.zeros(1), self.step, self.rest
+        )
         found = rates(self.model, motion, load, self.out[None, :])
         return {name: float(watt[0]) for name, watt in found.items()}

@@ -1,4 +1,6 @@
-"""A float that heaves with the tension of the rig at each step (Cummins 1962): excitation, radiation, stiffness and rig."""
+"""A float that heaves with the tension of the rig at each step (Cummins 1962): excitation,
+radiation, stiffness and rig.
+"""
 
 from __future__ import annotations
 
@@ -21,11 +23,14 @@ from winchcascade.sea.line_motion import LEAD_IN, SeaPath, scale_of_motion, step
 from winchcascade.sea.wave_spectra import Waves
 
 POWERS = ("v", "z", "waves", "radiated", "rig", "stored")
-"""Output of `run_coupled` at the end of each step: velocity [m/s] and heave [m]; half-way power that the waves give, that is
-radiated, and that the rig takes, and of the change of kinetic and potential energy [W]."""
+"""Output of `run_coupled` at the end of each step: velocity [m/s] and heave [m]; half-way power
+that the waves give, that is radiated, and that the rig takes, and of the change of kinetic and
+potential energy [W]."""
 
 CLOSE = 1e-9
-"""Change of the velocity, as a share of that within which friction changes its sign, at which a step is solved. [1]"""
+"""Change of the velocity, as a share of that within which friction changes its sign, at which a
+step is solved. [1]
+"""
 
 TURNS = 60
 """Maximum number of secant steps: two to four are usual."""
@@ -52,7 +57,8 @@ def run_coupled(
     force : (n,) excitation half-way in each step [N]
     body : mass with the added one at infinite frequency [kg], and stiffness [N/m]
     memory : (m,) retardation function at even steps [N/m]
-    rig : share of its tension that acts, 1 or 0 without a rig, its tension in still water [N], and the payout there [m]
+    rig : share of its tension that acts, 1 or 0 without a rig, its tension in still water [N], and
+        the payout there [m]
     times : the step [s], and the speed of the line within which friction changes its sign [m/s]
     speeds, loads : of the control, as `load_at` takes them
     half : (n,) is filled with the velocity half-way [m/s]
@@ -84,7 +90,12 @@ def run_coupled(
                 sign = math.tanh(v_half / rest)
                 slow = physics.near_rest(v_half, sign, c.winch) if fades else 0.0
                 gas_after, line = step_line(
-                    gas, (payout + z_half, v_half, rise), (sign, slow), middle[0], dt if n > 0 else 0.0, c
+                    gas,
+                    (payout + z_half, v_half, rise),
+                    (sign, slow),
+                    middle[0],
+                    dt if n > 0 else 0.0,
+                    c,
                 )
                 pull = acts * (line[1] - still)
             radiated = dt * (0.5 * memory[0] * v_half + past)
@@ -111,11 +122,19 @@ def run_coupled(
 
 
 def float_in_waves(
-    model: Model, waves: Waves, body: Hydrodynamics, tp: float, payout: float, control: Control, *, acts: bool = True
+    model: Model,
+    waves: Waves,
+    body: Hydrodynamics,
+    tp: float,
+    payout: float,
+    control: Control,
+    *,
+    acts: bool = True,
 ) -> tuple[SeaPath, Signal]:
     """The motion of a line on a float that its rig pulls, and `POWERS` of the float, (n, 6).
 
-    The tension in still water is balanced by the float, so that only what differs from it moves the float.
+    The tension in still water is balanced by the float, so that only what differs from it moves the
+    float.
 
     Parameters
     ----------
@@ -142,14 +161,20 @@ def float_in_waves(
     pulls = 1.0 if acts else 0.0, still_tension(payout, numbers), payout
     knots = knots_of(model, control)
     masses = body.mass + added, body.stiffness
-    failed = run_coupled(force, masses, memory, pulls, (step, rest), numbers, table, *knots, half, out)
+    failed = run_coupled(
+        force, masses, memory, pulls, (step, rest), numbers, table, *knots, half, out
+    )
     if failed >= 0:
         raise OptionError(
-            f"--float: {failed * step:.3g} s after its start the float cannot be solved with this rig; expected a mass of more "
-            "than the inertia of the drum over the square of its radius, so check the coefficients and --froude."
+            f"--float: {failed * step:.3g} s after its start the float cannot be solved with this "
+            f"rig; expected a mass of more "
+            "than the inertia of the drum over the square of its radius, so check the "
+            "coefficients and --froude."
         )
     v, z = np.append(0.0, out[:-1, 0]), np.append(0.0, out[:-1, 1])
-    motion = LineMotion(step * np.arange(-float(lead), count), payout + z, v, np.gradient(v, step), step, rest)
+    motion = LineMotion(
+        step * np.arange(-float(lead), count), payout + z, v, np.gradient(v, step), step, rest
+    )
     return SeaPath(motion, physics.direction(v, rest), lead), out
 
 

@@ -1,4 +1,6 @@
-"""What a model of a rig does along a motion in waves, at a fixed or a scheduled load: powers, efficiencies, peaks, losses."""
+"""What a model of a rig does along a motion in waves, at a fixed or a scheduled load: powers,
+efficiencies, peaks, losses.
+"""
 
 from __future__ import annotations
 
@@ -18,17 +20,26 @@ from winchcascade.rig.kernel import COLUMNS, LineMotion
 from winchcascade.rig.ledger import LEDGER, energies
 from winchcascade.rig.parts import Model
 from winchcascade.rig.physics import FASTMATH, RPM
-from winchcascade.rig.state import Constants, GasState, ShaftNumbers, ShaftState, constants, step_line, step_shaft
+from winchcascade.rig.state import (
+    Constants,
+    GasState,
+    ShaftNumbers,
+    ShaftState,
+    constants,
+    step_line,
+    step_shaft,
+)
 from winchcascade.sea.line_motion import SeaPath
 
 QUANTITIES = {
     "p_line_w": "W", "p_mech_w": "W", "p_gen_w": "W", "eta_pto": "1", "eta_net": "1", "force_n": "N", "rpm": "rpm",
     "i_s_a": "A", "i_dc_rms_a": "A", "torque_nm": "N.m", "vdc_v": "V", "slack": "1", "ripple_w": "W",
 }  # fmt: skip
-"""What a rig does in a sea, with units: mean net power of the line, of the shaft and at the DC link; power at the DC link over
-that of the line while it pays out, and over its net power; largest tension, speed of the generator, stator current (rms), DC
-current (rms over the sea), largest torque and DC voltage, a mean over a pulse of the bridge; share of the time in which the
-line would have to push; mean power that the pulses cost, which `with_ripple` adds to the others."""
+"""What a rig does in a sea, with units: mean net power of the line, of the shaft and at the DC
+link; power at the DC link over that of the line while it pays out, and over its net power; largest
+tension, speed of the generator, stator current (rms), DC current (rms over the sea), largest torque
+and DC voltage, a mean over a pulse of the bridge; share of the time in which the line would have to
+push; mean power that the pulses cost, which `with_ripple` adds to the others."""
 
 PLACE = {name: k for k, name in enumerate(QUANTITIES)}
 """Number of each quantity in a row."""
@@ -45,7 +56,8 @@ NO_ROWS = np.zeros((0, len(COLUMNS)))
 
 
 class Control(NamedTuple):
-    """The load of a rig: fixed, or over the speed of the generator by straight lines between some speeds.
+    """The load of a rig: fixed, or over the speed of the generator by straight lines between some
+    speeds.
 
     Parameters
     ----------
@@ -63,7 +75,8 @@ def fixed(load: float) -> Control:
 
 
 def scheduled(rows: Sequence[tuple[float, float, float]], place: str) -> Control:
-    """A schedule of rows of lowest and highest generator speed [rpm] and load [ohm]: each load is reached in the middle.
+    """A schedule of rows of lowest and highest generator speed [rpm] and load [ohm]: each load is
+    reached in the middle.
 
     Raises
     ------
@@ -74,14 +87,17 @@ def scheduled(rows: Sequence[tuple[float, float, float]], place: str) -> Control
     rises = all(one < other for one, other in pairwise(rpm))
     if not rows or not rises or not all(0.0 < load < math.inf for load in loads):
         raise OptionError(
-            f"{place}: no schedule; expected bands of generator speed that rise, each with a load above 0."
+            f"{place}: no schedule; expected bands of generator speed that rise, each with a load "
+            f"above 0."
         )
     return Control(tuple(loads), tuple(rpm))
 
 
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH)
 def load_at(omega: float, speeds: Signal, loads: Signal) -> float:
-    """Load at a speed of the fast shaft, by straight lines between some speeds, (k,) [rad/s]. [ohm]"""
+    """Load at a speed of the fast shaft, by straight lines between some speeds, (k,) [rad/s].
+    [ohm]
+    """
     last = k = len(speeds) - 1
     while k > 0 and omega < speeds[k]:
         k -= 1
@@ -92,26 +108,35 @@ def load_at(omega: float, speeds: Signal, loads: Signal) -> float:
 
 
 RECTIFIED = 3.0 * math.sqrt(2.0) / math.pi
-"""Mean of a rectified three-phase voltage over its rms, line to line (Mohan, Undeland and Robbins 2003, chapter 5). [1]"""
+"""Mean of a rectified three-phase voltage over its rms, line to line (Mohan, Undeland and
+Robbins 2003, chapter 5). [1]
+"""
 
 OVERLAP = math.pi / 3.0
-"""Largest angle in which a current passes from one phase to the next while two phases carry it before and after. [rad]"""
+"""Largest angle in which a current passes from one phase to the next while two phases carry it
+before and after. [rad]
+"""
 
 
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH)
 def ripple_of(omega: float, i_bridge: float, load: float, c: ShaftNumbers) -> float:
     """Power that the pulses of a bridge cost beyond those on a stiff DC link. [W]
 
-    The sixth harmonic of the rectified back-EMF, which overlap enlarges (Kimbark 1971, chapter 8), drives a current through two
-    phases into the capacitor of the DC link. The rotor gives way, so its inertia J acts as a second capacitor J / k^2 in series
-    (as of a DC machine of the constant k). Where their resonance with the phases is at six times the electrical frequency, the
-    current pulses by half of its mean and more.
-    The model of the bridge has the pulses at constant voltage and speed. A current that pulses by more than its mean stops.
+    The sixth harmonic of the rectified back-EMF, which overlap enlarges (Kimbark 1971, chapter 8),
+    drives a current through two phases into the capacitor of the DC link. The rotor gives way, so
+    its inertia J acts as a second capacitor J / k^2 in series (as of a DC machine of the constant
+    k). Where their resonance with the phases is at six times the electrical frequency, the current
+    pulses by half of its mean and more. The model of the bridge has the pulses at constant voltage
+    and speed. A current that pulses by more than its mean stops.
     """
     machine = c.generator
     if i_bridge <= 0.0 or omega <= 0.0:
         return 0.0
-    k, r_phase, turn = RECTIFIED * machine.k_e * RPM, machine.r_s + machine.r_diode, 6.0 * machine.pole_pairs * omega
+    k, r_phase, turn = (
+        RECTIFIED * machine.k_e * RPM,
+        machine.r_s + machine.r_diode,
+        6.0 * machine.pole_pairs * omega,
+    )
     fall = machine.pole_pairs * machine.l_s * i_bridge * math.sqrt(2.0) / (machine.k_e * RPM)
     overlap = math.acos(max(1.0 - fall, math.cos(OVERLAP)))
     fifth, seventh = math.cos(2.5 * overlap) / 5.0, math.cos(3.5 * overlap) / 7.0
@@ -152,16 +177,24 @@ def run_in_sea(
     """
     x, v, a, dt = motion.x, motion.v, motion.a, motion.step
     fades = c.winch.stribeck != 0.0 or c.restoring.stribeck != 0.0
-    state, gas, before = ShaftState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), GasState(0.0, 0.0), (0.0, 0.0, 0.0, 0.0)
+    state, gas, before = (
+        ShaftState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        GasState(0.0, 0.0),
+        (0.0, 0.0, 0.0, 0.0),
+    )
     for n in range(len(v)):
         omega, twist, v_dc = state.omega, state.twist, state.v_dc
         load = load_at(omega, speeds, loads)
-        state, middle = step_shaft(state, (v[n], v[min(n + 1, len(v) - 1)]), dt, load, c.shaft, table)
+        state, middle = step_shaft(
+            state, (v[n], v[min(n + 1, len(v) - 1)]), dt, load, c.shaft, table
+        )
         if n == 0:
             before = middle
         torque, i_s = 0.5 * (middle[0] + before[0]), 0.5 * (middle[1] + before[1])
         slow = physics.near_rest(v[n], direction[n], c.winch) if fades else 0.0
-        gas, line = step_line(gas, (x[n], v[n], a[n]), (direction[n], slow), torque, dt if n > 0 else 0.0, c)
+        gas, line = step_line(
+            gas, (x[n], v[n], a[n]), (direction[n], slow), torque, dt if n > 0 else 0.0, c
+        )
         idc = v_dc / load
         if len(out):
             out[n, 0], out[n, 1], out[n, 2], out[n, 3] = (
@@ -201,18 +234,24 @@ def run(model: Model, path: SeaPath, control: Control, out: Signal = NO_ROWS) ->
     found, motion = np.zeros(12), path.motion
     numbers = constants(model, control.loads[0], motion.rest)
     table = blended_table(model.generator.averaged, model.generator.uncommutated)
-    run_in_sea(motion, path.direction, numbers, table, *knots_of(model, control), path.first, found, out)
+    run_in_sea(
+        motion, path.direction, numbers, table, *knots_of(model, control), path.first, found, out
+    )
     line_w, paid_w, mech_w, gen_w, square, slack, costs = (
         found[[0, 1, 2, 3, 4, 5, 11]] / (motion.v.size - path.first)
     ).tolist()
     force, omega, i_s, torque, v_dc = found[6:11].tolist()
     ratios = [gen_w / over if over > 0.0 else math.nan for over in (paid_w, line_w)]
     means = [line_w, mech_w / model.r_motion, gen_w, *ratios]
-    return np.array([*means, force, omega * RPM, i_s, math.sqrt(square), torque, v_dc, slack, costs])
+    return np.array(
+        [*means, force, omega * RPM, i_s, math.sqrt(square), torque, v_dc, slack, costs]
+    )
 
 
 def with_ripple(rows: Signal) -> Signal:
-    """Rows of `QUANTITIES`, (k, quantities), with the power that the ripple of the bridge takes from shaft and line."""
+    """Rows of `QUANTITIES`, (k, quantities), with the power that the ripple of the bridge takes
+    from shaft and line.
+    """
     found, costs = rows.copy(), rows[:, PLACE["ripple_w"]]
     for name in ("p_line_w", "p_mech_w"):
         found[:, PLACE[name]] += costs
@@ -233,5 +272,9 @@ def losses(model: Model, path: SeaPath, out: Signal) -> dict[str, float]:
 
 
 def knots_of(model: Model, control: Control) -> tuple[Signal, Signal]:
-    """Speeds of the fast shaft [rad/s] and resistances at the DC link [ohm] of a control, (k,) each."""
-    return np.array(control.rpm) / RPM, np.array([model.dc_link.resistance(load) for load in control.loads])
+    """Speeds of the fast shaft [rad/s] and resistances at the DC link [ohm] of a control, (k,)
+    each.
+    """
+    return np.array(control.rpm) / RPM, np.array(
+        [model.dc_link.resistance(load) for load in control.loads]
+    )

@@ -1,4 +1,6 @@
-"""How the line moves in waves where the rig does not change that: it follows the surface, or a float of known response."""
+"""How the line moves in waves where the rig does not change that: it follows the surface, or a
+float of known response.
+"""
 
 from __future__ import annotations
 
@@ -18,28 +20,32 @@ from winchcascade.rig.steps import COARSE, rate_of_the_rotor, resolving
 from winchcascade.sea.wave_spectra import ComplexSignal, Waves
 
 RESPONSE = ("frequency_hz", "amplitude", "phase_deg")
-"""Columns of the response of a float: frequency [Hz], heave over wave amplitude [1], and by how much heave leads [deg]."""
+"""Columns of the response of a float: frequency [Hz], heave over wave amplitude [1], and by how
+much heave leads [deg].
+"""
 
 UNKNOWN = 0.01
 """Share of the variance of the surface that may lie outside the frequencies of a response. [1]"""
 
 TOP = 2.0
-"""Top speed of a line in waves over the standard deviation of its velocity: 5 % of the time are faster. [1]"""
+"""Top speed of a line in waves over the standard deviation of its velocity: 5 % of the time are
+faster. [1]
+"""
 
 SINE_RAMP = (math.asin(RAMP[1]) - math.asin(RAMP[0])) / (2.0 * math.pi)
 """Ramp of a sine over its period. [1]"""
 
 RESOLVED = 4.0
-"""Product of a step and the fastest rate of the rotor in waves: half of the step changes mean powers by less than 0.05 %,
-twice of it by 1 %. [1]"""
+"""Product of a step and the fastest rate of the rotor in waves: half of the step changes mean
+powers by less than 0.05 %, twice of it by 1 %. [1]"""
 
 LEAD_IN = 5.0
 """Peak periods of waves before those that count, in which rig and float leave rest. [1]"""
 
 
 class FloatResponse(NamedTuple):
-    """Heave of a float over the amplitude of the waves, which the rig does not change: frequencies, (k,) [Hz], and complex
-    response, (k,) [1]. Without frequencies the line follows the surface.
+    """Heave of a float over the amplitude of the waves, which the rig does not change: frequencies,
+    (k,) [Hz], and complex response, (k,) [1]. Without frequencies the line follows the surface.
     """
 
     frequency: Signal = np.zeros(0)
@@ -59,8 +65,10 @@ class FloatResponse(NamedTuple):
         missing = float(np.sum(power[~known]) / np.sum(power))
         if missing > UNKNOWN:
             raise OptionError(
-                f"--float: {100.0 * missing:.2g} % of the variance of a sea lies outside the {self.frequency[0]:.3g} to "
-                f"{self.frequency[-1]:.3g} Hz of the response; expected {100.0 * UNKNOWN:g} % at most."
+                f"--float: {100.0 * missing:.2g} % of the variance of a sea lies outside the "
+                f"{self.frequency[0]:.3g} to "
+                f"{self.frequency[-1]:.3g} Hz of the response; expected {100.0 * UNKNOWN:g} % at "
+                f"most."
             )
         amplitude = np.interp(waves.frequency, self.frequency, np.abs(self.response))
         phase = np.interp(waves.frequency, self.frequency, np.unwrap(np.angle(self.response)))
@@ -80,30 +88,48 @@ def read_response(path: Path) -> FloatResponse:
     """
     try:
         head, *lines = path.read_text(encoding="utf-8-sig").splitlines()
-        table = np.array([[float(cell) for cell in line.split(",")] for line in lines if line.strip()])
+        table = np.array(
+            [[float(cell) for cell in line.split(",")] for line in lines if line.strip()]
+        )
     except (OSError, ValueError) as fault:
-        raise OptionError(f"--float {path}: cannot be read ({fault}); expected {','.join(RESPONSE)}.") from None
-    if tuple(cell.strip() for cell in head.split(",")) != RESPONSE or table.shape[1:] != (len(RESPONSE),):
+        raise OptionError(
+            f"--float {path}: cannot be read ({fault}); expected {','.join(RESPONSE)}."
+        ) from None
+    if tuple(cell.strip() for cell in head.split(",")) != RESPONSE or table.shape[1:] != (
+        len(RESPONSE),
+    ):
         raise OptionError(f"--float {path}: begins with {head!r}; expected {','.join(RESPONSE)}.")
     frequency, amplitude, phase = table.T
-    if len(table) < 2 or not (np.isfinite(table).all() and frequency[0] > 0.0 and np.all(np.diff(frequency) > 0.0)):
+    if len(table) < 2 or not (
+        np.isfinite(table).all() and frequency[0] > 0.0 and np.all(np.diff(frequency) > 0.0)
+    ):
         raise OptionError(
-            f"--float {path}: expected two rows or more of numbers, with frequencies that rise from above 0."
+            f"--float {path}: expected two rows or more of numbers, with frequencies that rise "
+            f"from above 0."
         )
     return FloatResponse(frequency, amplitude * np.exp(1j * np.radians(phase)))
 
 
 class SeaPath(NamedTuple):
-    """A motion of the line in a sea, the direction of friction, (n,) [1], and the number of the first step that counts."""
+    """A motion of the line in a sea, the direction of friction, (n,) [1], and the number of the
+    first step that counts.
+    """
 
     motion: LineMotion
     direction: Signal
     first: int
 
     def until(self, seconds: float) -> SeaPath:
-        """The part up to some time after the first step that counts, or all where it is shorter. [s]"""
-        whole, end = self.motion, self.first + int(min(seconds / self.motion.step, self.direction.size - self.first))
-        motion = LineMotion(whole.t[:end], whole.x[:end], whole.v[:end], whole.a[:end], whole.step, whole.rest)
+        """The part up to some time after the first step that counts, or all where it is shorter.
+        [s]
+        """
+        whole, end = (
+            self.motion,
+            self.first + int(min(seconds / self.motion.step, self.direction.size - self.first)),
+        )
+        motion = LineMotion(
+            whole.t[:end], whole.x[:end], whole.v[:end], whole.a[:end], whole.step, whole.rest
+        )
         return SeaPath(motion, self.direction[:end], self.first)
 
 
@@ -125,8 +151,11 @@ def steps_of(model: Model, waves: Waves, scale: MotionScale) -> int:
     return int(next_fast_len(math.ceil(least), real=True))
 
 
-def path_in_waves(model: Model, waves: Waves, body: FloatResponse, tp: float, payout: float, count: int = 0) -> SeaPath:
-    """The motion of a line that follows the surface or a float of known response, from rest at steps that resolve a model.
+def path_in_waves(
+    model: Model, waves: Waves, body: FloatResponse, tp: float, payout: float, count: int = 0
+) -> SeaPath:
+    """The motion of a line that follows the surface or a float of known response, from rest at
+    steps that resolve a model.
 
     Parameters
     ----------

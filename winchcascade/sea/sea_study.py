@@ -1,4 +1,6 @@
-"""A corrected rig in one sea or many: mean power with its band in each, energy of a year, loads compared, what limits it."""
+"""A corrected rig in one sea or many: mean power with its band in each, energy of a year, loads
+compared, what limits it.
+"""
 
 from __future__ import annotations
 
@@ -20,12 +22,23 @@ from winchcascade.rig.parts import Model
 from winchcascade.rig.simulate import check_travel
 from winchcascade.sea.coupled import float_in_waves
 from winchcascade.sea.hydrodynamics import Hydrodynamics
-from winchcascade.sea.in_sea import PEAKS, PLACE, QUANTITIES, Control, fixed, losses, run, with_ripple
+from winchcascade.sea.in_sea import (
+    PEAKS,
+    PLACE,
+    QUANTITIES,
+    Control,
+    fixed,
+    losses,
+    run,
+    with_ripple,
+)
 from winchcascade.sea.line_motion import FOLLOWER, FloatResponse, SeaPath, path_in_waves
 from winchcascade.sea.wave_spectra import SeaState, Waves, realised
 
 MINUTES, DRAWS = 20.0, 40
-"""Length of each sea [min], as IEC TS 62600-100 has its records, and number of rigs drawn from the posterior."""
+"""Length of each sea [min], as IEC TS 62600-100 has its records, and number of rigs drawn from
+the posterior.
+"""
 
 HOURS = 8766.0
 """Hours of a year. [h]"""
@@ -34,7 +47,9 @@ BINS = (0.5, 1.0)
 """Bins of wave height [m] and period [s] of a power matrix (IEC TS 62600-100)."""
 
 CANDIDATES = 15
-"""Number of fixed loads, evenly spaced in their logarithm, among which the best is searched; between them by a parabola."""
+"""Number of fixed loads, evenly spaced in their logarithm, among which the best is searched;
+between them by a parabola.
+"""
 
 WIDER = 3.0
 """Factor by which loads beyond those of the logs are tried, too. [1]"""
@@ -49,7 +64,9 @@ ENDS = (0.025, 0.975)
 """Ends of a 95 % interval. [1]"""
 
 FROUDE = {"W": 3.5, "N": 3.0, "rpm": -0.5, "N.m": 4.0}
-"""Powers of the scale by which quantities are scaled (Froude's law); electrical ones stay those of the rig. [1]"""
+"""Powers of the scale by which quantities are scaled (Froude's law); electrical ones stay those
+of the rig. [1]
+"""
 
 
 Body = FloatResponse | Hydrodynamics
@@ -92,7 +109,9 @@ class Seas(msgspec.Struct, frozen=True):
         sea, duration = self.at_rig(k)
         if self.log is None:
             return realised(sea, duration, self.seed + k)
-        return Waves(self.log.frequency * math.sqrt(self.froude), self.log.amplitude / self.froude, duration)
+        return Waves(
+            self.log.frequency * math.sqrt(self.froude), self.log.amplitude / self.froude, duration
+        )
 
 
 class InSea(msgspec.Struct, frozen=True):
@@ -127,7 +146,9 @@ class InSea(msgspec.Struct, frozen=True):
 
 
 class SeaStudy(Viewed, frozen=True, kw_only=True):
-    """A corrected rig in some seas; `year` is its energy in one [MWh], None without hours, of `hours` with a result [h]."""
+    """A corrected rig in some seas; `year` is its energy in one [MWh], None without hours, of
+    `hours` with a result [h].
+    """
 
     tested: Tested
     seas: Seas
@@ -143,8 +164,8 @@ class SeaStudy(Viewed, frozen=True, kw_only=True):
 
 
 class Rig(NamedTuple):
-    """A corrected rig in waves: the best model and drawn ones, what its logs cover, what moves its line, limits [by `PEAKS`],
-    and payout in still water [m].
+    """A corrected rig in waves: the best model and drawn ones, what its logs cover, what moves its
+    line, limits [by `PEAKS`], and payout in still water [m].
     """
 
     models: list[Model]
@@ -194,7 +215,13 @@ def sea_study(
         load, searched = _searched(rig, seas, load, math.inf if compare else SEARCHED)
     controls = {"fixed": fixed(load)} | ({} if schedule is None else {"schedule": schedule})
     jobs = [
-        partial(_in_sea, rig, seas, k, controls | ({"best": fixed(best)} if compare and math.isfinite(best) else {}))
+        partial(
+            _in_sea,
+            rig,
+            seas,
+            k,
+            controls | ({"best": fixed(best)} if compare and math.isfinite(best) else {}),
+        )
         for k, best in zip(numbers, searched, strict=True)
     ]
     found = all_at_once(jobs)
@@ -222,7 +249,8 @@ def sea_study(
 
 
 def band_of(values: Signal) -> Band:
-    """The value of the best model and the 95 % interval of drawn ones, (1 + draws,): of 40, nearly their range.
+    """The value of the best model and the 95 % interval of drawn ones, (1 + draws,): of 40, nearly
+    their range.
 
     >>> band_of(np.array([3.0, *range(1, 40)]))
     Band(value=3.0, low=1.0, high=39.0)
@@ -258,7 +286,8 @@ def _moved(rig: Rig, seas: Seas, k: int) -> PathOf:
 
 
 def _searched(rig: Rig, seas: Seas, load: float, periods: float) -> tuple[float, list[float]]:
-    """The load that is best for all seas, unless one is given, and the best of each [ohm], NaN where there is none.
+    """The load that is best for all seas, unless one is given, and the best of each [ohm], NaN
+    where there is none.
 
     Parameters
     ----------
@@ -278,7 +307,9 @@ def _searched(rig: Rig, seas: Seas, load: float, periods: float) -> tuple[float,
 
 
 def _powers(rig: Rig, seas: Seas, k: int, loads: Signal, periods: float) -> Signal:
-    """Mean power at the DC link over the first part of a sea at some fixed loads, (k,); NaN where there is none. [W]"""
+    """Mean power at the DC link over the first part of a sea at some fixed loads, (k,); NaN
+    where there is none. [W]
+    """
     path_of, model, found = _moved(rig, seas, k), rig.models[0], np.full(loads.size, math.nan)
     for j, control in enumerate(map(fixed, loads.tolist())):
         try:
@@ -290,7 +321,9 @@ def _powers(rig: Rig, seas: Seas, k: int, loads: Signal, periods: float) -> Sign
 
 
 def largest_at(loads: Signal, values: Signal) -> float:
-    """Where a metric is largest over the logarithm of the load, by a parabola through the three highest neighbours. [ohm]"""
+    """Where a metric is largest over the logarithm of the load, by a parabola through the three
+    highest neighbours. [ohm]
+    """
     k = int(np.argmax(values))
     if not 0 < k < loads.size - 1:
         return float(loads[k])
@@ -301,21 +334,30 @@ def largest_at(loads: Signal, values: Signal) -> float:
 
 
 def _in_sea(rig: Rig, seas: Seas, k: int, controls: Mapping[str, Control]) -> tuple[InSea, Signal]:
-    """A sea, and the mean power at the DC link with the best model and each drawn one, (1 + draws,) in full scale [W]."""
+    """A sea, and the mean power at the DC link with the best model and each drawn one, (1 +
+    draws,) in full scale [W].
+    """
     state, best = seas.states[k], rig.models[0]
     row = InSea(state.hs, state.tp, seas.hours[k])
     path_of, found, beyond = _moved(rig, seas, k), dict[str, Signal](), dict[str, float]()
     try:
-        for name, control in reversed(list(controls.items())):  # losses are those of the fixed load, which is the first
+        for name, control in reversed(
+            list(controls.items())
+        ):  # losses are those of the fixed load, which is the first
             path = path_of(best, control)
             out = np.empty((path.motion.v.size, len(COLUMNS)))
             run(best, path, control, out)
             beyond[name] = outside_of(rig.tested, path, out)
-            found[name] = np.array([run(model, path_of(model, control), control) for model in rig.models])
+            found[name] = np.array(
+                [run(model, path_of(model, control), control) for model in rig.models]
+            )
     except LogError as fault:
         return msgspec.structs.replace(row, reason=str(fault)), np.zeros(len(rig.models))
     scale = np.array([seas.froude ** FROUDE.get(unit, 0.0) for unit in QUANTITIES.values()])
-    power = {name: seas.froude ** FROUDE["W"] * values[:, PLACE["p_gen_w"]] for name, values in found.items()}
+    power = {
+        name: seas.froude ** FROUDE["W"] * values[:, PLACE["p_gen_w"]]
+        for name, values in found.items()
+    }
     main = with_ripple(found["fixed"])
     lost = losses(best, path, out)
     lost["copper"] += float(main[0, PLACE["ripple_w"]])
@@ -339,7 +381,9 @@ def _in_sea(rig: Rig, seas: Seas, k: int, controls: Mapping[str, Control]) -> tu
 
 
 def outside_of(tested: Tested, path: SeaPath, out: Signal) -> float:
-    """Share of the time of payout in which speed, DC current, tension or payout is beyond what the logs cover. [1]"""
+    """Share of the time of payout in which speed, DC current, tension or payout is beyond what
+    the logs cover. [1]
+    """
     stride = max(1, (path.motion.v.size - path.first) // SAMPLED)
     some = slice(path.first, None, stride)
     v, x = path.motion.v[some], path.motion.x[some]

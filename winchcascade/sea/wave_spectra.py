@@ -1,4 +1,6 @@
-"""Irregular waves: spectra, realisations of them whose phases follow from a seed, and waves of a log."""
+"""Irregular waves: spectra, realisations of them whose phases follow from a seed, and waves of a
+log.
+"""
 
 from __future__ import annotations
 
@@ -15,24 +17,32 @@ from winchcascade.core.run import Signal
 ComplexSignal = NDArray[np.complex128]
 
 JONSWAP, PIERSON_MOSKOWITZ = 3.3, 1.0
-"""Peak enhancement of the mean JONSWAP spectrum, and that of a fully developed sea (Hasselmann et al. 1973). [1]"""
+"""Peak enhancement of the mean JONSWAP spectrum, and that of a fully developed sea (Hasselmann
+et al. 1973). [1]
+"""
 
 WIDTHS = (0.07, 0.09)
 """Widths of the peak of JONSWAP below and above its frequency, as shares of it. [1]"""
 
 HIGHEST = 5.0
-"""Highest frequency of a realisation over that of the peak: it leaves out 0.2 % of the variance of the surface. [1]"""
+"""Highest frequency of a realisation over that of the peak: it leaves out 0.2 % of the variance
+of the surface. [1]
+"""
 
 
 SHARPEST = 4.0
-"""Highest frequency of a log times the ramp of its motion: what is faster was noise, which its smoothing has removed. [1]"""
+"""Highest frequency of a log times the ramp of its motion: what is faster was noise, which its
+smoothing has removed. [1]
+"""
 
 PEAKEDNESS = 4.0
 """Power of a spectrum by which frequencies are weighted for that of its peak (Young 1995). [1]"""
 
 
 class SeaState(msgspec.Struct, frozen=True):
-    """A sea: significant wave height [m], peak period [s], peak enhancement of the spectrum [1]; 1 is Pierson-Moskowitz."""
+    """A sea: significant wave height [m], peak period [s], peak enhancement of the spectrum [1];
+    1 is Pierson-Moskowitz.
+    """
 
     hs: float
     tp: float
@@ -40,8 +50,9 @@ class SeaState(msgspec.Struct, frozen=True):
 
 
 class Waves(NamedTuple):
-    """A realisation of a sea that repeats after its `duration` [s]: frequencies, (k,) [Hz], and the complex amplitudes of
-    the surface elevation, (k,) [m], the real part of whose sum over exp(2 pi i f t) it is.
+    """A realisation of a sea that repeats after its `duration` [s]: frequencies, (k,) [Hz], and the
+    complex amplitudes of the surface elevation, (k,) [m], the real part of whose sum over exp(2 pi
+    i f t) it is.
     """
 
     frequency: Signal
@@ -84,7 +95,8 @@ def spectrum(sea: SeaState, frequency: Signal) -> Signal:
 
 
 def realised(sea: SeaState, duration: float, seed: int) -> Waves:
-    """Realise a sea: at each multiple of the inverse duration the amplitude of its spectrum, and a random phase.
+    """Realise a sea: at each multiple of the inverse duration the amplitude of its spectrum, and a
+    random phase.
 
     Parameters
     ----------
@@ -99,7 +111,8 @@ def realised(sea: SeaState, duration: float, seed: int) -> Waves:
 
 
 def logged(t: Signal, v: Signal, ramp: float) -> tuple[SeaState, Waves]:
-    """The sea of a log, without a peak enhancement, and its waves: the log is repeated, so at both ends it comes to rest.
+    """The sea of a log, without a peak enhancement, and its waves: the log is repeated, so at both
+    ends it comes to rest.
 
     Parameters
     ----------
@@ -113,15 +126,23 @@ def logged(t: Signal, v: Signal, ramp: float) -> tuple[SeaState, Waves]:
     duration = float(t[-1] - t[0])
     count = math.floor(SHARPEST / ramp * duration)
     if count < 2:
-        raise OptionError(f"a log of {duration:.3g} s with ramps of {ramp:.3g} s; expected several waves.")
+        raise OptionError(
+            f"a log of {duration:.3g} s with ramps of {ramp:.3g} s; expected several waves."
+        )
     even = duration / (4 * count) * np.arange(4.0 * count)
     near = np.minimum(even, duration - even) / ramp
     speed = np.interp(even, t - t[0], v) * (0.5 - 0.5 * np.cos(np.pi * np.minimum(near, 1.0)))
     frequency = np.arange(1.0, count + 1.0) / duration
     amplitude = np.fft.rfft(speed)[1 : count + 1] / (2.0 * count) / (2j * math.pi * frequency)
-    drift, height = float(np.mean(speed)) * duration, 4.0 * float(np.linalg.norm(amplitude)) / math.sqrt(2.0)
+    drift, height = (
+        float(np.mean(speed)) * duration,
+        4.0 * float(np.linalg.norm(amplitude)) / math.sqrt(2.0),
+    )
     if not abs(drift) < height:
-        raise OptionError(f"a log that ends {drift:.3g} m from where it begins; expected waves, or cycles of a line.")
+        raise OptionError(
+            f"a log that ends {drift:.3g} m from where it begins; expected waves, or cycles of a "
+            f"line."
+        )
     weight = np.abs(amplitude) ** (2.0 * PEAKEDNESS)
     tp = float(np.sum(weight) / np.sum(weight * frequency))
     return SeaState(height, tp, math.nan), Waves(frequency, amplitude, duration)

@@ -1,1 +1,3 @@
-"""Published tables: results checked against them, tables audited, and the range that a rig can attain."""
+"""Published tables: results checked against them, tables audited, and the range that a rig can
+attain.
+"""

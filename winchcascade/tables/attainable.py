@@ -1,8 +1,9 @@
-"""Compare a published table with the attainable ranges of a rig, and search the effects that could explain a difference.
+"""Compare a published table with the attainable ranges of a rig, and search the effects that could
+explain a difference.
 
-The rows of the table are simulated with effects in the model. Over one field, a monotone cubic through a few simulations gives
-the efficiencies; over several fields of one effect their logarithms add up, near enough to begin from. Sets are searched as
-causes are in a diagnosis.
+The rows of the table are simulated with effects in the model. Over one field, a monotone cubic
+through a few simulations gives the efficiencies; over several fields of one effect their logarithms
+add up, near enough to begin from. Sets are searched as causes are in a diagnosis.
 """
 
 from __future__ import annotations
@@ -24,7 +25,15 @@ from winchcascade.diagnosis.fit.search import neighbours, search
 from winchcascade.reduction.efficiency import RATIOS
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.effect import ActiveEffect, Effect, Parameter
-from winchcascade.tables.payouts import USUAL_WINDOW, AttainableRow, Cell, NotJudged, attainable_row, meet, row_windows
+from winchcascade.tables.payouts import (
+    USUAL_WINDOW,
+    AttainableRow,
+    Cell,
+    NotJudged,
+    attainable_row,
+    meet,
+    row_windows,
+)
 from winchcascade.tables.published_table import PublishedTable
 
 if TYPE_CHECKING:
@@ -34,40 +43,53 @@ ETAS = tuple(RATIOS)
 """Efficiencies in the order of the columns of every array here."""
 
 LOST = -1.0
-"""In place of the efficiencies of a model that cannot give a printed power: far from any that is printed. [1]"""
+"""In place of the efficiencies of a model that cannot give a printed power: far from any that is
+printed. [1]
+"""
 
 DUST = 2e-4
-"""What may be left outside the attainable range in all rows together: simulations of a table are no better. [1]"""
+"""What may be left outside the attainable range in all rows together: simulations of a table are
+no better. [1]
+"""
 
 NODES = (0.5, 1.0, 2.0, 4.0)
-"""Where a field is simulated, as shares of the way from absent to the end of what is plausible, within what is possible; one
-of several fields of an effect at the middle two alone. [1]"""
+"""Where a field is simulated, as shares of the way from absent to the end of what is plausible,
+within what is possible; one of several fields of an effect at the middle two alone. [1]"""
 
 SILENT = 2e-4
-"""An effect that moves no efficiency by more than this at the end of what is plausible does nothing here. [1]"""
+"""An effect that moves no efficiency by more than this at the end of what is plausible does
+nothing here. [1]
+"""
 
 SOFT = 1e-3
-"""Weight of the distance from the printed values in a search for what brings all rows within the attainable range. [1]"""
+"""Weight of the distance from the printed values in a search for what brings all rows within the
+attainable range. [1]
+"""
 
 DIFFERENCE = 0.02
 """Share of a field's range by which its derivative is taken. [1]"""
 
 HOPELESS = 0.02
-"""A set that leaves more outside the attainable range in all than this is not fitted by simulations. [1]"""
+"""A set that leaves more outside the attainable range in all than this is not fitted by
+simulations. [1]
+"""
 
 MAX_SIMULATED, MAX_SETS = 12, 8
 """Sets of the size with the most evidence that are simulated, and of these those that are named."""
 
 Verdict = Literal["explains", "beyond_plausible", "no"]
-"""Whether one value of the effect brings all rows within the attainable range: a plausible one, an implausible one, none."""
+"""Whether one value of the effect brings all rows within the attainable range: a plausible one,
+an implausible one, none.
+"""
 
 
 class Ability(msgspec.Struct, frozen=True):
     """The effect of one suspect alone on one efficiency.
 
-    `closed` is the share of the excess over the attainable range that its best plausible value removes, over all rows [1].
-    `needed` has, for each row, the value nearest to absent that brings the row within the attainable range, None where none
-    does or where none is needed; empty for an effect of several fields.
+    `closed` is the share of the excess over the attainable range that its best plausible value
+    removes, over all rows [1]. `needed` has, for each row, the value nearest to absent that brings
+    the row within the attainable range, None where none does or where none is needed; empty for an
+    effect of several fields.
     """
 
     metric: str
@@ -79,9 +101,10 @@ class Ability(msgspec.Struct, frozen=True):
 class Values(msgspec.Struct, frozen=True):
     """Effects with values, and what they leave of a table.
 
-    `fields` and `reported` by effect. `left_rms` is the rms of printed minus simulated by metric, `out_of_reach` the sum of
-    what no value attains [1], `misfit` the sum of squares of printed minus simulated in standard uncertainties. `plausible`
-    states whether all fields lie within their bounds, `at_bound` names those that stop at the end of what was looked at.
+    `fields` and `reported` by effect. `left_rms` is the rms of printed minus simulated by metric,
+    `out_of_reach` the sum of what no value attains [1], `misfit` the sum of squares of printed
+    minus simulated in standard uncertainties. `plausible` states whether all fields lie within
+    their bounds, `at_bound` names those that stop at the end of what was looked at.
     """
 
     fields: Mapping[str, Mapping[str, float]]
@@ -99,9 +122,11 @@ class Values(msgspec.Struct, frozen=True):
 
 
 class SuspectResult(msgspec.Struct, frozen=True):
-    """One suspect and its fields: its effect on each efficiency that is outside the attainable range.
+    """One suspect and its fields: its effect on each efficiency that is outside the attainable
+    range.
 
-    `best` has its best values over all rows and efficiencies, plausible or not; None for a suspect that moves nothing here.
+    `best` has its best values over all rows and efficiencies, plausible or not; None for a suspect
+    that moves nothing here.
     """
 
     effect: str
@@ -112,15 +137,19 @@ class SuspectResult(msgspec.Struct, frozen=True):
 
     def ability(self, metric: str) -> Ability:
         """Its effect on one efficiency."""
-        return next((one for one in self.abilities if one.metric == metric), Ability(metric, "no", 0.0, ()))
+        return next(
+            (one for one in self.abilities if one.metric == metric), Ability(metric, "no", 0.0, ())
+        )
 
 
 class AttainableRanges(msgspec.Struct, frozen=True):
-    """Attainable ranges of a rig for the rows of a table, and effects that could explain the printed values.
+    """Attainable ranges of a rig for the rows of a table, and effects that could explain the
+    printed values.
 
-    `not_judged` holds rows that cannot be held against the rig, `notes` say what was assumed. `scatter` is the largest
-    deviation of a cycle's efficiency that counts [1]. `sets` are the smallest that bring the whole table within the attainable
-    range at plausible values, best fit first; where no set of that size will do, `closest` comes nearest.
+    `not_judged` holds rows that cannot be held against the rig, `notes` say what was assumed.
+    `scatter` is the largest deviation of a cycle's efficiency that counts [1]. `sets` are the
+    smallest that bring the whole table within the attainable range at plausible values, best fit
+    first; where no set of that size will do, `closest` comes nearest.
     """
 
     rig: Rig
@@ -144,14 +173,21 @@ class AttainableRanges(msgspec.Struct, frozen=True):
 
 
 def attainable_ranges(
-    table: PublishedTable, rig: Rig, suspects: Mapping[str, Effect], *, scatter: float, watch: Watch | None = None
+    table: PublishedTable,
+    rig: Rig,
+    suspects: Mapping[str, Effect],
+    *,
+    scatter: float,
+    watch: Watch | None = None,
 ) -> AttainableRanges:
-    """Hold a published table against what the constants of a rig allow, and name the effects that could explain a difference.
+    """Hold a published table against what the constants of a rig allow, and name the effects that
+    could explain a difference.
 
     Parameters
     ----------
     suspects : effects by name, as a catalogue lists them
-    scatter : largest deviation of a cycle's efficiency from the mean that the table prints or is taken to have [1]
+    scatter : largest deviation of a cycle's efficiency from the mean that the table prints or is
+        taken to have [1]
 
     Raises
     ------
@@ -179,33 +215,43 @@ def _motion_of(rows: Sequence[AttainableRow]) -> MotionScale:
     """Scales of the motion of the payouts that the rows imply."""
     speeds, ramps = np.array([(row.speed, RISES * row.payout.ramp) for row in rows]).T
     windows = np.array([row.window or USUAL_WINDOW for row in rows])
-    return MotionScale(float(speeds.max()), float(np.median(ramps)), float(np.median(speeds * windows)))
+    return MotionScale(
+        float(speeds.max()), float(np.median(ramps)), float(np.median(speeds * windows))
+    )
 
 
 RISES = 0.7
-"""Part of a ramp between a tenth and nine tenths of its speed: of 3 u^2 - 2 u^3 it is 0.61, of an even one 0.8. [1]"""
+"""Part of a ramp between a tenth and nine tenths of its speed: of 3 u^2 - 2 u^3 it is 0.61, of
+an even one 0.8. [1]
+"""
 
 
 class TableProblem:
     """Efficiencies of the rows of a table with suspects in the model.
 
-    Arrays are (rows, 3), columns as `ETAS`, NaN where the row has no such efficiency: `printed`; `allowed` by rounding and
-    repeatability; `below` and `above`, how far the ends of the attainable range lie from the middle payout; `sigma`, the
-    standard uncertainty of printed minus nominal. [1] A value of a suspect is an array of its fields, (k,); values of several
-    follow each other in the order of their names.
+    Arrays are (rows, 3), columns as `ETAS`, NaN where the row has no such efficiency: `printed`;
+    `allowed` by rounding and repeatability; `below` and `above`, how far the ends of the attainable
+    range lie from the middle payout; `sigma`, the standard uncertainty of printed minus nominal.
+    [1] A value of a suspect is an array of its fields, (k,); values of several follow each other in
+    the order of their names.
     """
 
-    def __init__(self, rows: Sequence[AttainableRow], rig: Rig, suspects: Mapping[str, Effect]) -> None:
+    def __init__(
+        self, rows: Sequence[AttainableRow], rig: Rig, suspects: Mapping[str, Effect]
+    ) -> None:
         self.rows, self.rig, self.suspects = rows, rig, suspects
         cells = [{cell.metric: cell for cell in row.cells} for row in rows]
         self.printed, self.allowed, self.nominal, low, high, u = (
             np.array(
-                [[getattr(of[eta], name) if eta in of else np.nan for eta in ETAS] for of in cells], dtype=np.float64
+                [[getattr(of[eta], name) if eta in of else np.nan for eta in ETAS] for of in cells],
+                dtype=np.float64,
             )
             for name in ("printed", "allowed", "nominal", "low", "high", "u")
         )
         self.below, self.above = self.nominal - low, high - self.nominal
-        self.sigma: Signal = np.sqrt((0.5 * self.allowed) ** 2 + u**2 + (0.5 * (high - low) - u) ** 2 / 3.0)
+        self.sigma: Signal = np.sqrt(
+            (0.5 * self.allowed) ** 2 + u**2 + (0.5 * (high - low) - u) ** 2 / 3.0
+        )
         self.speeds = [row.speed for row in rows]
         self.groups = np.repeat(np.arange(len(rows)), len(ETAS))
         self.begins: Mapping[str, Sequence[float]] = {}
@@ -221,7 +267,9 @@ class TableProblem:
         ]
 
     def efficiencies(self, effects: Sequence[ActiveEffect]) -> Signal:
-        """Efficiencies along each row's middle payout at its printed power, simulated; `LOST` where the model has none."""
+        """Efficiencies along each row's middle payout at its printed power, simulated; `LOST`
+        where the model has none.
+        """
         model = baseline(self.rig)
         for effect in effects:
             model = effect.apply(model)
@@ -230,18 +278,26 @@ class TableProblem:
             for row, guess in zip(self.rows, self.speeds, strict=True)
         ]
         points = all_at_once(jobs)
-        eta = np.array([[p.metrics[m] if p else None for m in ETAS] for p in points], dtype=np.float64)  # None is NaN
+        eta = np.array(
+            [[p.metrics[m] if p else None for m in ETAS] for p in points], dtype=np.float64
+        )  # None is NaN
         lost = np.any(np.isnan(eta) & ~np.isnan(self.printed))
         return np.where(np.isnan(self.printed), np.nan, LOST if lost else eta)
 
     def on_curves(self, names: Sequence[str], x: Signal) -> Signal:
         """The same without a simulation: on the curves of the fields, whose logarithms add up."""
         curves = [curve for name in names for curve in self.curves[name]]
-        ratio = sum(curve(value) for curve, value in zip(curves, x.tolist(), strict=True) if curve is not None)
+        ratio = sum(
+            curve(value)
+            for curve, value in zip(curves, x.tolist(), strict=True)
+            if curve is not None
+        )
         return self.nominal * np.exp(ratio)
 
     def excess(self, eta: Signal) -> Signal:
-        """Excess of printed values over the attainable range about such efficiencies and what is allowed, (..., rows, 3)."""
+        """Excess of printed values over the attainable range about such efficiencies and what is
+        allowed, (..., rows, 3).
+        """
         over = np.maximum(eta - self.below - self.printed, self.printed - eta - self.above)
         return np.maximum(over - self.allowed, 0.0)
 
@@ -256,9 +312,14 @@ class TableProblem:
         return 0
 
     def residuals(
-        self, several: Sequence[Sequence[ActiveEffect]], _nu: Signal, _near: Sequence[ActiveEffect] | None = None
+        self,
+        several: Sequence[Sequence[ActiveEffect]],
+        _nu: Signal,
+        _near: Sequence[ActiveEffect] | None = None,
     ) -> Signal:
-        """Printed minus simulated efficiencies in standard uncertainties with each of several lists of effects, (n, k)."""
+        """Printed minus simulated efficiencies in standard uncertainties with each of several
+        lists of effects, (n, k).
+        """
         return np.stack([self.misfit(self.efficiencies(effects)) for effects in several], axis=1)
 
     def price(self, name: str) -> float:  # noqa: ARG002
@@ -277,7 +338,8 @@ class TableProblem:
         return np.where(np.isnan(z), 0.0, z)
 
     def out_of_range(self, eta: Signal, metric: int | None = None) -> Signal:
-        """What a search for values within the attainable range minimizes, (2 n,): excess, and softly the misfit.
+        """What a search for values within the attainable range minimizes, (2 n,): excess, and
+        softly the misfit.
 
         Parameters
         ----------
@@ -290,14 +352,23 @@ class TableProblem:
 
     def bounds(self, names: Sequence[str], *, wide: bool) -> tuple[Signal, Signal]:
         """Lowest and highest values of fields: the plausible ones, or the ends of the curves."""
-        pairs = (pair for name in names for pair in zip(self.suspects[name].fields, self.curves[name], strict=True))
-        ends = [(c.x[0], c.x[-1]) if wide and c is not None else (field.low, field.high) for field, c in pairs]
+        pairs = (
+            pair
+            for name in names
+            for pair in zip(self.suspects[name].fields, self.curves[name], strict=True)
+        )
+        ends = [
+            (c.x[0], c.x[-1]) if wide and c is not None else (field.low, field.high)
+            for field, c in pairs
+        ]
         low, high = np.array(ends, dtype=np.float64).reshape(-1, 2).T
         return low, high
 
 
 def make_curves(problem: TableProblem, name: str) -> None:
-    """Lay a monotone cubic through the logarithms of the efficiencies over each field of a suspect; none if it does nothing."""
+    """Lay a monotone cubic through the logarithms of the efficiencies over each field of a
+    suspect; none if it does nothing.
+    """
     from scipy.interpolate import PchipInterpolator
 
     effect = problem.suspects[name]
@@ -305,22 +376,32 @@ def make_curves(problem: TableProblem, name: str) -> None:
     curves: list[PchipInterpolator | None] = []
     for k, field in enumerate(effect.fields):
         nodes = {field.absent: np.zeros(problem.printed.shape)}
-        for end, share in product({field.low, field.high} - {field.absent}, NODES if absent.size == 1 else NODES[1:3]):
+        for end, share in product(
+            {field.low, field.high} - {field.absent}, NODES if absent.size == 1 else NODES[1:3]
+        ):
             value = float(np.clip(field.absent + share * (end - field.absent), *field.possible))
             if value not in nodes:
-                eta = problem.efficiencies(problem.active([name], np.where(np.arange(absent.size) == k, value, absent)))
+                eta = problem.efficiencies(
+                    problem.active([name], np.where(np.arange(absent.size) == k, value, absent))
+                )
                 if np.all(eta != LOST):
                     nodes[value] = np.nan_to_num(np.log(eta / problem.nominal))
         moved = max(float(np.abs(ratio).max()) for ratio in nodes.values())
         at = sorted(nodes)
-        curves.append(PchipInterpolator(at, np.array([nodes[x] for x in at])) if moved > SILENT else None)
+        curves.append(
+            PchipInterpolator(at, np.array([nodes[x] for x in at])) if moved > SILENT else None
+        )
     problem.curves[name] = curves
 
 
-def fit(residual: Callable[[Signal], Signal], start: Signal, bounds: tuple[Signal, Signal], steps: int) -> Signal:
-    """Values within bounds that make a residual smallest, by bounded least squares from a start, in shares of the bounds.
+def fit(
+    residual: Callable[[Signal], Signal], start: Signal, bounds: tuple[Signal, Signal], steps: int
+) -> Signal:
+    """Values within bounds that make a residual smallest, by bounded least squares from a start, in
+    shares of the bounds.
 
-    The start is moved off the bounds, where the method would stall, and differences are taken towards the inside.
+    The start is moved off the bounds, where the method would stall, and differences are taken
+    towards the inside.
     """
     from scipy.optimize import least_squares
 
@@ -334,20 +415,28 @@ def fit(residual: Callable[[Signal], Signal], start: Signal, bounds: tuple[Signa
         by = np.where(share < 0.5, DIFFERENCE, -DIFFERENCE)
         here = of_share(share)
         return np.stack(
-            [(of_share(share + d) - here) / b for d, b in zip(np.diag(by), by.tolist(), strict=True)], axis=1
+            [
+                (of_share(share + d) - here) / b
+                for d, b in zip(np.diag(by), by.tolist(), strict=True)
+            ],
+            axis=1,
         )
 
     inside = np.clip((start - low) / width, DIFFERENCE, 1.0 - DIFFERENCE)
-    found = least_squares(of_share, inside, jac=slopes, bounds=(0.0, 1.0), method="dogbox", max_nfev=steps)
+    found = least_squares(
+        of_share, inside, jac=slopes, bounds=(0.0, 1.0), method="dogbox", max_nfev=steps
+    )
     return low + width * found.x
 
 
 def _explained(
     ranges: AttainableRanges, suspects: Mapping[str, Effect], on_progress: Callable[[str], None]
 ) -> AttainableRanges:
-    """Look at every suspect alone, then search the sets of those that move something by their evidence.
+    """Look at every suspect alone, then search the sets of those that move something by their
+    evidence.
 
-    Sets of the size of the one with the most evidence are named if they bring all rows within the attainable range.
+    Sets of the size of the one with the most evidence are named if they bring all rows within the
+    attainable range.
     """
     problem, results = TableProblem(ranges.rows, ranges.rig, suspects), []
     for name in suspects:
@@ -359,9 +448,13 @@ def _explained(
         return msgspec.structs.replace(ranges, suspects=tuple(results))
     found = search(problem)
     size = max(len(found.best.names), 1)
-    near = [names for names in neighbours(found.expansion, found.best.names) if len(names) == size][:MAX_SIMULATED]
+    near = [names for names in neighbours(found.expansion, found.best.names) if len(names) == size][
+        :MAX_SIMULATED
+    ]
     values = [_improved(problem, names, found.fit(names).x) for names in near]
-    sets = tuple(sorted((one for one in values if one.enough), key=lambda one: one.misfit)[:MAX_SETS])
+    sets = tuple(
+        sorted((one for one in values if one.enough), key=lambda one: one.misfit)[:MAX_SETS]
+    )
     closest = None if sets else min(values, key=lambda one: one.out_of_reach)
     return msgspec.structs.replace(ranges, suspects=tuple(results), sets=sets, closest=closest)
 
@@ -391,16 +484,22 @@ def _alone(problem: TableProblem, name: str) -> SuspectResult:
     abilities = tuple(_ability(problem, name, k, float(before[k])) for k in stages or outside)
     low, high = problem.bounds([name], wide=True)
     best = fit(lambda x: problem.misfit(problem.on_curves([name], x)), start, (low, high), 30)
-    return SuspectResult(name, effect.stage, effect.fields, abilities, _values(problem, [name], best))
+    return SuspectResult(
+        name, effect.stage, effect.fields, abilities, _values(problem, [name], best)
+    )
 
 
 def _ability(problem: TableProblem, name: str, k: int, before: float) -> Ability:
-    """Effect of a suspect on one efficiency, the k-th of `ETAS`; `before` is its excess over all rows. [1]"""
+    """Effect of a suspect on one efficiency, the k-th of `ETAS`; `before` is its excess over all
+    rows. [1]
+    """
     (curve, *more), needed = problem.curves[name], tuple[float | None, ...]()
     field = problem.suspects[name].fields[0]
     if curve is not None and not more:
         x = np.unique(
-            np.concatenate([np.linspace(curve.x[0], curve.x[-1], 1601), [field.low, field.high, field.absent]])
+            np.concatenate(
+                [np.linspace(curve.x[0], curve.x[-1], 1601), [field.low, field.high, field.absent]]
+            )
         )
         eta = problem.nominal * np.exp(curve(x))
         excess, plausible = problem.by_metric(eta)[:, k], (x >= field.low) & (x <= field.high)
@@ -418,11 +517,16 @@ def _ability(problem: TableProblem, name: str, k: int, before: float) -> Ability
 
 
 def _best_excess(problem: TableProblem, name: str, k: int, *, wide: bool) -> float:
-    """What the best values of a suspect of several fields leave of one efficiency: fitted on the curves, then simulated. [1]"""
+    """What the best values of a suspect of several fields leave of one efficiency: fitted on the
+    curves, then simulated. [1]
+    """
     bounds = problem.bounds([name], wide=wide)
     start = np.array([field.absent for field in problem.suspects[name].fields])
     x = fit(lambda x: problem.out_of_range(problem.on_curves([name], x), k), start, bounds, 30)
-    found = [problem.by_metric(problem.efficiencies(problem.active([name], values)))[k] for values in (x, *bounds)]
+    found = [
+        problem.by_metric(problem.efficiencies(problem.active([name], values)))[k]
+        for values in (x, *bounds)
+    ]
     return float(np.min(found))
 
 
@@ -430,16 +534,24 @@ def _values(problem: TableProblem, names: Sequence[str], x: Signal) -> Values:
     """What values of the fields leave, simulated."""
     made = problem.active(names, x)
     eta = problem.efficiencies(made)
-    (low, high), (minimum, maximum) = problem.bounds(names, wide=False), problem.bounds(names, wide=True)
+    (low, high), (minimum, maximum) = (
+        problem.bounds(names, wide=False),
+        problem.bounds(names, wide=True),
+    )
     near = np.minimum(x - minimum, maximum - x) < 1e-3 * (maximum - minimum)
     fields = [(name, field) for name in names for field in problem.suspects[name].fields]
     away = [gap[~np.isnan(gap)] for gap in (problem.printed - eta).T]
     return Values(
         fields={
-            one.effect.name: dict(zip((f.name for f in one.effect.fields), one.values, strict=True)) for one in made
+            one.effect.name: dict(zip((f.name for f in one.effect.fields), one.values, strict=True))
+            for one in made
         },
         reported={one.effect.name: {one.effect.parameter: one.reported} for one in made},
-        left_rms={metric: float(np.sqrt(np.mean(gap**2))) for metric, gap in zip(ETAS, away, strict=True) if gap.size},
+        left_rms={
+            metric: float(np.sqrt(np.mean(gap**2)))
+            for metric, gap in zip(ETAS, away, strict=True)
+            if gap.size
+        },
         out_of_reach=float(problem.by_metric(eta).sum()),
         misfit=float(np.sum(problem.misfit(eta) ** 2)),
         plausible=bool(np.all((x >= low - 1e-9) & (x <= high + 1e-9))),

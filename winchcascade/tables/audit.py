@@ -1,8 +1,8 @@
 """Consistency of a published table with itself, without any log.
 
-Every row: is there a set of unrounded values behind the printed ones (`feasible`)? Do columns follow from others
-(`column_laws`)? Every claim of the text. And the integration windows that the table does not print, recovered from
-its energies and powers.
+Every row: is there a set of unrounded values behind the printed ones (`feasible`)? Do columns
+follow from others (`column_laws`)? Every claim of the text. And the integration windows that the
+table does not print, recovered from its energies and powers.
 """
 
 from __future__ import annotations
@@ -54,7 +54,9 @@ if TYPE_CHECKING:
 
 
 class Repair(msgspec.Struct, frozen=True):
-    """A cell whose change alone makes its row consistent: the printed values that do, in the unit of the column."""
+    """A cell whose change alone makes its row consistent: the printed values that do, in the
+    unit of the column.
+    """
 
     metric: str
     low: float
@@ -63,10 +65,11 @@ class Repair(msgspec.Struct, frozen=True):
 
 
 class Contradiction(msgspec.Struct, frozen=True):
-    """A smallest set of cells that cannot all be true, whatever the rounding and the scatter of the cycles.
+    """A smallest set of cells that cannot all be true, whatever the rounding and the scatter of the
+    cycles.
 
-    `printed` is the cell `metric`, `allowed` what the others of the set allow of it and `missed_by` the gap between, both in
-    the unit printed.
+    `printed` is the cell `metric`, `allowed` what the others of the set allow of it and `missed_by`
+    the gap between, both in the unit printed.
     """
 
     row: TableRow
@@ -80,14 +83,18 @@ class Contradiction(msgspec.Struct, frozen=True):
 
 
 class RecoveredWindow(msgspec.Struct, frozen=True):
-    """Window of one row by its load, as the interval that its energies and powers leave; None where they leave none. [s]"""
+    """Window of one row by its load, as the interval that its energies and powers leave; None
+    where they leave none. [s]
+    """
 
     load: float
     span: Span | None
 
 
 class SharedWindow(msgspec.Struct, frozen=True):
-    """Rows that can have the same window: the interval that all of them leave, and the number of fewest decimals in it. [s]"""
+    """Rows that can have the same window: the interval that all of them leave, and the number of
+    fewest decimals in it. [s]
+    """
 
     loads: tuple[float, ...]
     span: Span
@@ -97,9 +104,10 @@ class SharedWindow(msgspec.Struct, frozen=True):
 class Audit(Viewed, frozen=True):
     """Contradictions within a table and its text, and the windows that follow from it.
 
-    `contradictions` are of rows; `faults` of whole columns mend others, which are in `explained`. `claims` holds a
-    verdict for every claim of the text. `uses` states in how many rows each law was evaluated, `compared` how many cells were
-    compared with laws of columns. `physics` is what a rig can attain, where that was requested.
+    `contradictions` are of rows; `faults` of whole columns mend others, which are in `explained`.
+    `claims` holds a verdict for every claim of the text. `uses` states in how many rows each law
+    was evaluated, `compared` how many cells were compared with laws of columns. `physics` is what a
+    rig can attain, where that was requested.
     """
 
     table: PublishedTable
@@ -132,8 +140,12 @@ class Audit(Viewed, frozen=True):
 
     @property
     def ok(self) -> bool:
-        """Whether something was evaluated, nothing contradicts itself, and the rig can attain the table where requested."""
-        consistent = self.evaluated and not (self.contradictions or self.faults or self.contradicted)
+        """Whether something was evaluated, nothing contradicts itself, and the rig can attain
+        the table where requested.
+        """
+        consistent = self.evaluated and not (
+            self.contradictions or self.faults or self.contradicted
+        )
         return consistent and (self.physics is None or self.physics.ok)
 
 
@@ -149,8 +161,10 @@ def audit(
     Parameters
     ----------
     table : a table by load or of operating points, its file, or the name of a built-in table
-    physics : also compare a table by load with the model of a rig; the result is the field `physics`
-    rig : of that comparison: a rig, its file, or the name of a built-in one; that of the paper if not given
+    physics : also compare a table by load with the model of a rig; the result is the field
+        `physics`
+    rig : of that comparison: a rig, its file, or the name of a built-in one; that of the paper if
+        not given
     watch : called with the progress of that comparison
 
     Raises
@@ -167,19 +181,31 @@ def audit(
         check_arguments("audit", ("rig", rig, PATH_OR_NONE))
     if rig is not None and not physics:
         name = rig.name if isinstance(rig, Rig) else rig
-        raise OptionError(f"rig {name}: is of use with physics alone; add that, or leave the rig out.")
+        raise OptionError(
+            f"rig {name}: is of use with physics alone; add that, or leave the rig out."
+        )
     table = load_table(table)
     if physics and not table.by_load:
         name = table.path or table.name
-        raise OptionError(f"physics: {name} is a table of operating points; expected one of loads; leave physics out.")
+        raise OptionError(
+            f"physics: {name} is a table of operating points; expected one of loads; leave "
+            f"physics out."
+        )
     known = repeatability(table)
     found, fault = _contradictions(table, known), None
     rows = {item.row.number for item in found}
     if len(rows) >= max(MIN_ROWS, 0.5 * len(table.rows)):
-        suspects = {name for item in found for cell in item.cells for name in (cell, *made_of(cell, table.columns))}
+        suspects = {
+            name
+            for item in found
+            for cell in item.cells
+            for name in (cell, *made_of(cell, table.columns))
+        }
         fault = find_column_fault(table, suspects, lambda other: _contradicted(other, known))
     kept = found if fault is None else _contradictions(mended(table, fault), known)
-    recovered, order = (_windows(table), exchanged_rows(table, known)) if table.by_load else ((), None)
+    recovered, order = (
+        (_windows(table), exchanged_rows(table, known)) if table.by_load else ((), None)
+    )
     return Audit(
         table=table,
         known=known,
@@ -208,11 +234,15 @@ def _physics(
     return attainable_ranges(table, of, OF_THE_RIG, scatter=known.eta, watch=watch)
 
 
-# ------------------------------------------------------------------------------------------------------------ contradictions
+# --------------------------------------------------------------------------------- contradictions
 def _contradicted(table: PublishedTable, known: Repeatability) -> int:
-    """Number of cells that laws of columns contradict, and of rows by load that contradict themselves."""
+    """Number of cells that laws of columns contradict, and of rows by load that contradict
+    themselves.
+    """
     rows = sum(not is_feasible(row.spans, known) for row in table.rows) if table.by_load else 0
-    return rows + sum(int((~np.isnan(limits[0])).sum()) for limits in broken_cells(table)[0].values())
+    return rows + sum(
+        int((~np.isnan(limits[0])).sum()) for limits in broken_cells(table)[0].values()
+    )
 
 
 def _contradictions(table: PublishedTable, known: Repeatability) -> tuple[Contradiction, ...]:
@@ -239,8 +269,13 @@ def _of_law(table: PublishedTable, row: TableRow, name: str, limits: Span) -> Co
         sentence, others = f"{place}, but no such share exceeds 1.", tuple[str, ...]()
     else:
         limits_words = f"{span.low:.6g} to {span.high:.6g}{unit_suffix(column.unit)}"
-        sentence, others = f"{place}, but {column.law.text} allows {limits_words} after rounding.", column.law.names
-    return Contradiction(row, (name, *others), name, printed, span, _missed(span, printed), sentence)
+        sentence, others = (
+            f"{place}, but {column.law.text} allows {limits_words} after rounding.",
+            column.law.names,
+        )
+    return Contradiction(
+        row, (name, *others), name, printed, span, _missed(span, printed), sentence
+    )
 
 
 def _of_cells(
@@ -253,10 +288,15 @@ def _of_cells(
     limits = allowed(others, known, metric) or Span(0.0, math.inf)
     span = Span(limits.low / printed.factor, limits.high / printed.factor)
     missed = _missed(span, printed)
-    by = " and ".join(f"{name} {row.cells[name].words}" for name in others) or "conservation of energy"
+    by = (
+        " and ".join(f"{name} {row.cells[name].words}" for name in others)
+        or "conservation of energy"
+    )
     sentence = (
-        f"{row.name}, {metric}: {printed.words} is printed, but {by} allow{'s' if len(others) < 2 else ''} "
-        f"{printed.range(limits)}, missed by {missed:.2g}{unit_suffix(printed.unit)} after rounding: {_law(set(names), known)}."
+        f"{row.name}, {metric}: {printed.words} is printed, but {by} "
+        f"allow{'s' if len(others) < 2 else ''} "
+        f"{printed.range(limits)}, missed by {missed:.2g}{unit_suffix(printed.unit)} after "
+        f"rounding: {_law(set(names), known)}."
     )
     return Contradiction(row, names, metric, printed, span, missed, sentence, changes)
 
@@ -277,7 +317,9 @@ def _law(cells: set[str], known: Repeatability) -> str:
 
 
 def _repairs(row: TableRow, spans: Mapping[str, Span]) -> tuple[Repair, ...]:
-    """Turn the values that mend a row into those that would be printed for them; the smallest change first."""
+    """Turn the values that mend a row into those that would be printed for them; the smallest
+    change first.
+    """
     found = []
     for metric, span in spans.items():
         cell = row.cells[metric]
@@ -286,7 +328,13 @@ def _repairs(row: TableRow, spans: Mapping[str, Span]) -> tuple[Repair, ...]:
         if math.isfinite(high):
             high = math.floor((high / cell.factor + cell.rounding) / step + 1e-9) * step
         first, last = cell.fixed(low), cell.fixed(high)
-        text = first if first == last else f"at least {first}" if math.isinf(high) else f"{first} to {last}"
+        text = (
+            first
+            if first == last
+            else f"at least {first}"
+            if math.isinf(high)
+            else f"{first} to {last}"
+        )
         changed = max(low - cell.value, cell.value - high) / cell.rounding
         found.append((changed, Repair(metric, low, high, text + unit_suffix(cell.unit))))
     return tuple(repair for _, repair in sorted(found, key=lambda item: item[0]))
@@ -303,10 +351,14 @@ def percent(share: float) -> str:
 
 def _missed(span: Span, printed: Printed) -> float:
     """Gap between an interval and what rounds to the printed value, in the unit printed."""
-    return max(span.low - (printed.value + printed.rounding), printed.value - printed.rounding - span.high, 0.0)
+    return max(
+        span.low - (printed.value + printed.rounding),
+        printed.value - printed.rounding - span.high,
+        0.0,
+    )
 
 
-# ------------------------------------------------------------------------------------------------------ laws and windows
+# ------------------------------------------------------------------------------- laws and windows
 def _uses_by_load(table: PublishedTable) -> tuple[LawUse, ...]:
     """In how many rows each law of the cascade was evaluated, and what the others lack."""
     rows = [lacking(row.spans) for row in table.rows]
@@ -330,16 +382,21 @@ def _windows(table: PublishedTable) -> tuple[RecoveredWindow, ...]:
 def _shared_windows(found: Sequence[RecoveredWindow]) -> tuple[SharedWindow, ...]:
     """Fewest windows that all rows can have, from the shortest to the longest.
 
-    Rows are taken by the upper end of their interval; each group takes all that reach below the first one's.
+    Rows are taken by the upper end of their interval; each group takes all that reach below the
+    first one's.
     """
-    rest = sorted(((w.span, w.load) for w in found if w.span is not None), key=lambda item: item[0].high)
+    rest = sorted(
+        ((w.span, w.load) for w in found if w.span is not None), key=lambda item: item[0].high
+    )
     groups = []
     while rest:
         last = rest[0][0].high
         group = [item for item in rest if item[0].low <= last]
         rest = [item for item in rest if item[0].low > last]
         span, members = Span(max(item[0].low for item in group), last), {load for _, load in group}
-        groups.append(SharedWindow(tuple(w.load for w in found if w.load in members), span, shortest(span)))
+        groups.append(
+            SharedWindow(tuple(w.load for w in found if w.load in members), span, shortest(span))
+        )
     return tuple(groups)
 
 

@@ -1,17 +1,21 @@
 """Comparison of measured results with a published table, cell by cell and two-sided.
 
-A row is found by its key columns: load, speed, torque, number of the cycle, name or number of the log, or any metric. Cycles
-that are operating points of a dynamometer are compared one by one, logs that repeat one motion by the mean of their cycles.
+A row is found by its key columns: load, speed, torque, number of the cycle, name or number of the
+log, or any metric. Cycles that are operating points of a dynamometer are compared one by one, logs
+that repeat one motion by the mean of their cycles.
 
-A cell allows ``|measured - printed| <= rounding + deviation + uncertainty + means``: half a unit of its last printed decimal,
-the largest deviation of the measured cycles from their mean, twice the standard uncertainty that the sensors leave of the mean,
-and what the table allows a mean of products to differ from the product of means. Of sensors that are calibrated in place, a
-reader of the table knows only the limits of the makers: for the side of the table these count too, in squares. The scatter of
-the cycles counts once, in the deviation. Where the table prints the largest deviation of its cycles, the measured one counts up
-to that: a damaged log must not widen its own tolerance.
+A cell allows ``|measured - printed| <= rounding + deviation + uncertainty + means``: half a unit of
+its last printed decimal, the largest deviation of the measured cycles from their mean, twice the
+standard uncertainty that the sensors leave of the mean, and what the table allows a mean of
+products to differ from the product of means. Of sensors that are calibrated in place, a reader of
+the table knows only the limits of the makers: for the side of the table these count too, in
+squares. The scatter of the cycles counts once, in the deviation. Where the table prints the largest
+deviation of its cycles, the measured one counts up to that: a damaged log must not widen its own
+tolerance.
 
-Cycles differ by their motion, which moves all energies and powers of a row alike, and their efficiencies deviate less. So the
-deviation of an energy is what the row as a whole differs by, and that of the efficiencies.
+Cycles differ by their motion, which moves all energies and powers of a row alike, and their
+efficiencies deviate less. So the deviation of an energy is what the row as a whole differs by, and
+that of the efficiencies.
 """
 
 from __future__ import annotations
@@ -46,13 +50,17 @@ from winchcascade.tables.published_table import (
 from winchcascade.tables.table_file import check_unit
 
 COVERAGE = 2.0
-"""Standard uncertainties of the measured mean that a cell allows: about 95 % (JCGM 100:2008, 6.3.3)."""
+"""Standard uncertainties of the measured mean that a cell allows: about 95 % (JCGM 100:2008,
+6.3.3).
+"""
 
 MAX_NAMED = 8
 """Results without a row that a note names."""
 
 ROW_MIN = 3
-"""Energies and powers of a row of which the median shows what they have in common: a single wrong one does not move it."""
+"""Energies and powers of a row of which the median shows what they have in common: a single
+wrong one does not move it.
+"""
 
 _OF_A_MOTION = ("energy", "power")
 """Kinds of metrics that the motion of a cycle changes alike."""
@@ -67,7 +75,9 @@ _OPERATING_POINTS = ("steps", "rows", "whole", "ranges")
 """Sources of cycles that are operating points; all others repeat one motion."""
 
 Counted = Literal["none", "budget", "budget_and_limits"]
-"""What a tolerance counts of the sensors: nothing, the budget of the log, or with it the limits of the makers."""
+"""What a tolerance counts of the sensors: nothing, the budget of the log, or with it the limits
+of the makers.
+"""
 
 Outcome = Literal["ok", "miss", "not_measured", "no_run"]
 
@@ -77,11 +87,13 @@ class CheckError(WinchcascadeError):
 
 
 class Measured(msgspec.Struct, frozen=True):
-    """What a log, or a cycle of it, gives in SI units: `values` of metrics and of what it is at, None for what it cannot give.
+    """What a log, or a cycle of it, gives in SI units: `values` of metrics and of what it is at,
+    None for what it cannot give.
 
-    `deviation` is the largest one of a cycle from the mean [%], `uncertainty` the standard uncertainty that the sensors leave
-    of the mean, without the scatter of the cycles; `limits` is what the limits of the sensors that are calibrated in place
-    would leave of it, empty where results do not state it. `findings` are the sentences on what is wrong with the log.
+    `deviation` is the largest one of a cycle from the mean [%], `uncertainty` the standard
+    uncertainty that the sensors leave of the mean, without the scatter of the cycles; `limits` is
+    what the limits of the sensors that are calibrated in place would leave of it, empty where
+    results do not state it. `findings` are the sentences on what is wrong with the log.
     """
 
     name: str
@@ -95,7 +107,9 @@ class Measured(msgspec.Struct, frozen=True):
 
 
 class Factors(msgspec.Struct, frozen=True):
-    """What each part of a tolerance is multiplied by: above 1 widens, below 1 narrows, 0 leaves it out. [1]"""
+    """What each part of a tolerance is multiplied by: above 1 widens, below 1 narrows, 0 leaves
+    it out. [1]
+    """
 
     rounding: float = 1.0
     deviation: float = 1.0
@@ -107,20 +121,21 @@ class Factors(msgspec.Struct, frozen=True):
         for name in self.__struct_fields__:
             if not 0 <= (value := getattr(self, name)) < math.inf:
                 raise OptionError(
-                    f"tolerance factor {name} is {value:g}; expected a finite number that is not negative."
+                    f"tolerance factor {name} is {value:g}; expected a finite number that is not "
+                    f"negative."
                 )
 
 
 SAME_LOGS = Factors(deviation=0.0, uncertainty=0.0, means=0.0)
-"""Of a table that was made from these very logs: repetition and sensors are the same on both sides, so that only rounding is
-allowed."""
+"""Of a table that was made from these very logs: repetition and sensors are the same on both sides,
+so that only rounding is allowed."""
 
 
 class CellCheck(msgspec.Struct, frozen=True):
     """One cell of the table beside its measured value, all in the unit of its column.
 
-    `log` names the run, None where there is none. `limits` is the part of `uncertainty`, in squares, that the limits of the
-    sensors make.
+    `log` names the run, None where there is none. `limits` is the part of `uncertainty`, in
+    squares, that the limits of the sensors make.
     """
 
     row: TableRow
@@ -151,7 +166,9 @@ class CellCheck(msgspec.Struct, frozen=True):
 
     @property
     def missed_by(self) -> float | None:
-        """How far the difference lies beyond the tolerance; 0 within it, None without a measured value."""
+        """How far the difference lies beyond the tolerance; 0 within it, None without a measured
+        value.
+        """
         return None if self.difference is None else max(0.0, abs(self.difference) - self.tolerance)
 
     @property
@@ -170,8 +187,8 @@ class CellCheck(msgspec.Struct, frozen=True):
 class Check(Viewed, frozen=True):
     """All cells of a table against measured results.
 
-    `notes` describes in sentences what was left out, capped or not known; `findings` holds, by row, those of its logs;
-    `origins` where the data of each log come from.
+    `notes` describes in sentences what was left out, capped or not known; `findings` holds, by row,
+    those of its logs; `origins` where the data of each log come from.
     """
 
     table: PublishedTable
@@ -197,7 +214,11 @@ class Check(Viewed, frozen=True):
 
 
 def check(
-    results: Sequence[Measured], table: PublishedTable, factors: Factors | None = None, *, whole_campaign: bool = True
+    results: Sequence[Measured],
+    table: PublishedTable,
+    factors: Factors | None = None,
+    *,
+    whole_campaign: bool = True,
 ) -> Check:
     """Hold measured results against every row of a published table.
 
@@ -214,7 +235,8 @@ def check(
     """
     if not table.keys:
         raise TableError(
-            f'{table.path}: has no key, so that no result can be assigned to a row; expected one such as key = "speed", or '
+            f"{table.path}: has no key, so that no result can be assigned to a row; expected one "
+            f'such as key = "speed", or '
             f'key = ["torque", "speed"].'
         )
     factors, notes = factors or Factors(), list[str]()
@@ -231,24 +253,33 @@ def check(
             continue
         names = [name for name in compared if name in row.cells]
         for result in of_row or (None,):
-            cells += _as_a_row([_cell(table, row, name, result, factors) for name in names], table, result, factors)
+            cells += _as_a_row(
+                [_cell(table, row, name, result, factors) for name in names], table, result, factors
+            )
         if messages := tuple(dict.fromkeys(text for result in of_row for text in result.findings)):
             findings.append((row, messages))
-    notes += [f"no result belongs to {first_of(empty, MAX_NAMED, '; ')}; left out."] if empty else []
+    notes += (
+        [f"no result belongs to {first_of(empty, MAX_NAMED, '; ')}; left out."] if empty else []
+    )
     if not cells:
         raise CheckError(
-            f"{table.name}: no row has a cell that can be compared; the columns {', '.join(compared)} are empty."
+            f"{table.name}: no row has a cell that can be compared; the columns "
+            f"{', '.join(compared)} are empty."
         )
     used = [result for k in sorted(found) for result in found[k]]
     notes += _counted_otherwise(table, used, compared, factors)
     notes += _whole_payouts(table, found, cells)
-    return Check(table, factors, tuple(cells), tuple(notes), tuple(findings), tuple(r.origin for r in used))
+    return Check(
+        table, factors, tuple(cells), tuple(notes), tuple(findings), tuple(r.origin for r in used)
+    )
 
 
 def _whole_payouts(
     table: PublishedTable, found: Mapping[int, Sequence[Measured]], cells: Sequence[CellCheck]
 ) -> list[str]:
-    """A note where the line energies that the table prints are those of whole payouts, and not of the windows."""
+    """A note where the line energies that the table prints are those of whole payouts, and not
+    of the windows.
+    """
     column = next((name for name, c in table.columns.items() if c.measured == "energy_line"), None)
     rows = {table.rows[k].number: results for k, results in found.items()}
     of = [
@@ -266,17 +297,19 @@ def _whole_payouts(
     if not of or 2 * sum(missed) <= len(of) or 2 * sum(fits) <= len(of):
         return []
     return [
-        f"{column}: {sum(fits)} of {len(of)} cells fit the energy of the whole payout, {len(of) - sum(missed)} that of the "
+        f"{column}: {sum(fits)} of {len(of)} cells fit the energy of the whole payout, "
+        f"{len(of) - sum(missed)} that of the "
         "window; reduce the logs with --window payout."
     ]
 
 
-# -------------------------------------------------------------------------------------------------------------- the results
+# ------------------------------------------------------------------------------------ the results
 def measured(record: RunRecord, where: str, table: PublishedTable) -> list[Measured]:
     """Take from the record of a reduction what a table is compared with.
 
-    Each complete cycle that is an operating point, where more than the log and its load is a key. Else the log as a whole: the
-    mean of its cycles where they repeat one motion and in a table by load, else sums, of unknown uncertainty.
+    Each complete cycle that is an operating point, where more than the log and its load is a key.
+    Else the log as a whole: the mean of its cycles where they repeat one motion and in a table by
+    load, else sums, of unknown uncertainty.
 
     Parameters
     ----------
@@ -288,7 +321,9 @@ def measured(record: RunRecord, where: str, table: PublishedTable) -> list[Measu
     whole = Measured(
         name=log.path or where,
         log=where,
-        values=_metrics(record.mean) | _at(cycles) | {"load": load, "cycle": 1.0 if len(cycles) == 1 else None},
+        values=_metrics(record.mean)
+        | _at(cycles)
+        | {"load": load, "cycle": 1.0 if len(cycles) == 1 else None},
         deviation=_metrics(record.max_deviation_percent),
         uncertainty=_metrics(record.uncertainty.sensors),
         limits=_metrics(record.uncertainty.sensors_by_limits),
@@ -297,12 +332,17 @@ def measured(record: RunRecord, where: str, table: PublishedTable) -> list[Measu
     )
     if table.by_load:
         return [whole]
-    if not repeats and not {table.columns[name].measured for name in table.keys} <= {"file", "load"}:
+    if not repeats and not {table.columns[name].measured for name in table.keys} <= {
+        "file",
+        "load",
+    }:
         return [
             replace(
                 whole,
                 name=f"{whole.name} cycle {cycle.cycle}",
-                values=_metrics(cycle.numbers) | _at([cycle]) | {"load": load, "cycle": float(cycle.cycle)},
+                values=_metrics(cycle.numbers)
+                | _at([cycle])
+                | {"load": load, "cycle": float(cycle.cycle)},
                 deviation={},
                 uncertainty=_metrics(cycle.standard_uncertainty),
                 limits=_metrics(cycle.sensors_by_limits),
@@ -311,26 +351,46 @@ def measured(record: RunRecord, where: str, table: PublishedTable) -> list[Measu
         ]
     if repeats or len(cycles) < 2:
         return [whole] if cycles else []
-    return [replace(whole, values=whole.values | _metrics(record.total), deviation={}, uncertainty={}, limits={})]
+    return [
+        replace(
+            whole,
+            values=whole.values | _metrics(record.total),
+            deviation={},
+            uncertainty={},
+            limits={},
+        )
+    ]
 
 
 def _metrics(numbers: Numbers) -> Numbers:
     """Metrics by their names from numbers of a record, where they have their unit at the end."""
     kinds = {field: field.partition("_")[0] for field in numbers}
     units = {kind: field_of(f"{kind}_").removeprefix(f"{kind}_") for kind in DIMENSIONS}
-    return {field.removesuffix(units[kind]): numbers[field] for field, kind in kinds.items() if kind in units}
+    return {
+        field.removesuffix(units[kind]): numbers[field]
+        for field, kind in kinds.items()
+        if kind in units
+    }
 
 
 def _at(cycles: Sequence[CycleRecord]) -> Numbers:
-    """Speed and torque of the shaft, plateau speed and travel of the payouts: means over the cycles, by their lengths."""
+    """Speed and torque of the shaft, plateau speed and travel of the payouts: means over the
+    cycles, by their lengths.
+    """
     rows = []
     for cycle in cycles:
         payout, point = cycle.phase_summary.payout, cycle.phase_summary.point or None
         plateau, rpm = payout.plateau, point and point.rpm_shaft
         torque = point.torque if point is not None else plateau and plateau.torque
-        rows.append((rpm, torque, plateau and plateau.speed, payout.travel, cycle.window["duration_s"]))
+        rows.append(
+            (rpm, torque, plateau and plateau.speed, payout.travel, cycle.window["duration_s"])
+        )
     table = np.array(rows, dtype=np.float64).reshape(-1, 5)  # None is NaN
-    means = table[:, :4].T @ table[:, 4] / table[:, 4].sum() if table[:, 4].sum() > 0.0 else np.full(4, math.nan)
+    means = (
+        table[:, :4].T @ table[:, 4] / table[:, 4].sum()
+        if table[:, 4].sum() > 0.0
+        else np.full(4, math.nan)
+    )
     values = (means * (math.pi / 30.0, 1.0, 1.0, 1.0)).tolist()
     return {
         n: x if math.isfinite(x) else None
@@ -338,25 +398,44 @@ def _at(cycles: Sequence[CycleRecord]) -> Numbers:
     }
 
 
-# ------------------------------------------------------------------------------------------------------ rows of the results
+# ---------------------------------------------------------------------------- rows of the results
 def _compared(table: PublishedTable, results: Sequence[Measured], notes: list[str]) -> list[str]:
-    """Columns that results have something of; a note is added on those of which they have nothing."""
+    """Columns that results have something of; a note is added on those of which they have
+    nothing.
+    """
     others = [name for name in table.columns if name not in table.keys]
-    given = {m for result in results for m, value in result.values.items() if value is not None or m not in RESULTS_AT}
-    compared = [n for n in others if table.columns[n].measured in given or (table.by_load and n in METRICS)]
+    given = {
+        m
+        for result in results
+        for m, value in result.values.items()
+        if value is not None or m not in RESULTS_AT
+    }
+    compared = [
+        n for n in others if table.columns[n].measured in given or (table.by_load and n in METRICS)
+    ]
     if results and not compared:
         metrics = sorted(given - set(RESULTS_AT))
         raise TableError(
-            f"{table.path}: no column is a quantity of the results, which have {', '.join(metrics) or 'no cycle'}; give a "
-            f'column such a name, or add measured = "{(metrics or ["power_gen"])[0]}" to its entry.'
+            f"{table.path}: no column is a quantity of the results, which have "
+            f"{', '.join(metrics) or 'no cycle'}; give a "
+            f'column such a name, or add measured = "{(metrics or ["power_gen"])[0]}" to its '
+            f"entry."
         )
     left = [name for name in others if name not in compared]
-    notes += [f"columns {', '.join(left)}: the results have no quantity of these names; not compared."] if left else []
+    notes += (
+        [f"columns {', '.join(left)}: the results have no quantity of these names; not compared."]
+        if left
+        else []
+    )
     return compared
 
 
-def _assigned(results: Sequence[Measured], table: PublishedTable, notes: list[str]) -> dict[int, list[Measured]]:
-    """Results by the row that each belongs to, the nearest one; a note is added on results that belong to none."""
+def _assigned(
+    results: Sequence[Measured], table: PublishedTable, notes: list[str]
+) -> dict[int, list[Measured]]:
+    """Results by the row that each belongs to, the nearest one; a note is added on results that
+    belong to none.
+    """
     found: dict[int, list[Measured]] = {}
     without = []
     for result, nearest in zip(results, _nearest_rows(results, table), strict=True):
@@ -366,33 +445,50 @@ def _assigned(results: Sequence[Measured], table: PublishedTable, notes: list[st
             found.setdefault(nearest, []).append(result)
     if not found:
         raise CheckError(
-            f"no result belongs to a row of {table.name}: {'; '.join(without[:3]) or 'no log has a complete cycle'}. Its "
-            f"rows are {first_of([row.name for row in table.rows], MAX_NAMED)}; correct the key or its units (a key may be "
-            f"{', '.join(RESULTS_AT)} or a metric), or state the load of the log (load_ohm in campaign.toml, or --load-ohm)."
+            f"no result belongs to a row of {table.name}: "
+            f"{'; '.join(without[:3]) or 'no log has a complete cycle'}. Its "
+            f"rows are {first_of([row.name for row in table.rows], MAX_NAMED)}; correct the key "
+            f"or its units (a key may be "
+            f"{', '.join(RESULTS_AT)} or a metric), or state the load of the log (load_ohm in "
+            f"campaign.toml, or --load-ohm)."
         )
     notes += [f"without a row, left out: {first_of(without, MAX_NAMED)}."] if without else []
     return found
 
 
 def _nearest_rows(results: Sequence[Measured], table: PublishedTable) -> Iterator[int | None]:
-    """Number of the row that each result belongs to, the nearest one; None for another operating point.
+    """Number of the row that each result belongs to, the nearest one; None for another operating
+    point.
 
-    A number may differ by the rounding of the cell and a share of the largest number of its column, the number of a cycle by
-    the rounding alone, the load of a table by load not at all; a name of a log has to be that of the log.
+    A number may differ by the rounding of the cell and a share of the largest number of its column,
+    the number of a cycle by the rounding alone, the load of a table by load not at all; a name of a
+    log has to be that of the log.
     """
     keys = []
     for name in table.keys:
         cells, column = [row.cells.get(name) for row in table.rows], table.columns[name]
         value, near = (
-            np.array([math.nan if c is None else getattr(c, part) * column.factor for c in cells], dtype=np.float64)
+            np.array(
+                [math.nan if c is None else getattr(c, part) * column.factor for c in cells],
+                dtype=np.float64,
+            )
             for part in ("value", "rounding")
         )
         if table.by_load:
             near = _SAME_LOAD * np.abs(value)
         elif column.measured != "cycle":
-            near = near + table.key_share * max((abs(x) for x in value.tolist() if math.isfinite(x)), default=0.0)
+            near = near + table.key_share * max(
+                (abs(x) for x in value.tolist() if math.isfinite(x)), default=0.0
+            )
         texts = ["" if c is None else c.text.casefold() for c in cells]
-        keys.append((column.measured, value, near, [text.lstrip("0") if text.isdecimal() else text for text in texts]))
+        keys.append(
+            (
+                column.measured,
+                value,
+                near,
+                [text.lstrip("0") if text.isdecimal() else text for text in texts],
+            )
+        )
     for result in results:
         square = np.zeros(len(table.rows))
         for quantity, printed, near, texts in keys:
@@ -410,7 +506,8 @@ def _nearest_rows(results: Sequence[Measured], table: PublishedTable) -> Iterato
 
 
 def log_names(log: str) -> list[str]:
-    """What a cell may name a log by: its file with or without the ending, or the last number of its name.
+    """What a cell may name a log by: its file with or without the ending, or the last number of its
+    name.
 
     >>> log_names("logs/run_07.csv")
     ['run_07.csv', 'run_07', '7']
@@ -426,13 +523,17 @@ def _place(result: Measured, table: PublishedTable) -> str:
     for name in table.keys:
         column = table.columns[name]
         value = result.values.get(column.measured)
-        text = "unknown" if value is None else f"{value / column.factor:.4g}{unit_suffix(column.unit)}"
+        text = (
+            "unknown" if value is None else f"{value / column.factor:.4g}{unit_suffix(column.unit)}"
+        )
         texts.append(f"{name} {result.log if column.measured == 'file' else text}")
     return ", ".join(texts)
 
 
-# ---------------------------------------------------------------------------------------------------------------- the cells
-def _cell(table: PublishedTable, row: TableRow, name: str, result: Measured | None, factors: Factors) -> CellCheck:
+# -------------------------------------------------------------------------------------- the cells
+def _cell(
+    table: PublishedTable, row: TableRow, name: str, result: Measured | None, factors: Factors
+) -> CellCheck:
     cell, metric = row.cells[name], table.columns[name].measured
     bare = CellCheck(row, name, cell, None if result is None else result.name)
     value = None if result is None else result.values.get(metric)
@@ -440,7 +541,10 @@ def _cell(table: PublishedTable, row: TableRow, name: str, result: Measured | No
         return bare
     claimed, deviation = _claimed(table, metric), result.deviation.get(metric) or 0.0
     deviation = deviation if claimed is None else min(deviation, 100.0 * claimed.span.high)
-    own, limits = (COVERAGE * (part.get(metric) or 0.0) / cell.factor for part in (result.uncertainty, result.limits))
+    own, limits = (
+        COVERAGE * (part.get(metric) or 0.0) / cell.factor
+        for part in (result.uncertainty, result.limits)
+    )
     return replace(
         bare,
         measured=value / cell.factor,
@@ -455,16 +559,22 @@ def _cell(table: PublishedTable, row: TableRow, name: str, result: Measured | No
 def _as_a_row(
     cells: Sequence[CellCheck], table: PublishedTable, result: Measured | None, factors: Factors
 ) -> list[CellCheck]:
-    """Cells of a row, with the deviation of energies and powers as what they have in common, and what efficiencies deviate.
+    """Cells of a row, with the deviation of energies and powers as what they have in common, and
+    what efficiencies deviate.
 
     What they have in common is the median of their differences, up to the deviation of each.
     """
     metrics = [table.columns[cell.metric].measured for cell in cells]
-    alone = [x for m, x in (result.deviation if result else {}).items() if m in RATIOS and x is not None]
+    alone = [
+        x for m, x in (result.deviation if result else {}).items() if m in RATIOS and x is not None
+    ]
     shares = {
         k: x / c.cell.value
         for k, c in enumerate(cells)
-        if c.deviation and c.cell.value and metrics[k].startswith(_OF_A_MOTION) and (x := c.difference) is not None
+        if c.deviation
+        and c.cell.value
+        and metrics[k].startswith(_OF_A_MOTION)
+        and (x := c.difference) is not None
     }
     if len(shares) < ROW_MIN or not alone:
         return [*cells]
@@ -494,17 +604,23 @@ def _counted_otherwise(
             continue
         claimed, deviation = _claimed(table, metric), result.deviation.get(metric)
         if claimed is not None and (deviation or 0.0) > 100.0 * claimed.span.high:
-            beyond.setdefault(result.name, []).append(f"{name} {deviation:.3g} %, the table {claimed.words}")
+            beyond.setdefault(result.name, []).append(
+                f"{name} {deviation:.3g} %, the table {claimed.words}"
+            )
         if factors.deviation and deviation is None:
             unknown["largest deviation"].setdefault(result.name, []).append(name)
         if factors.uncertainty and result.uncertainty.get(metric) is None:
             unknown["standard uncertainty"].setdefault(result.name, []).append(name)
     notes = [
-        f"{name}: its cycles deviate by more than the table prints ({'; '.join(metrics)}), whose deviation counts. Look for a "
+        f"{name}: its cycles deviate by more than the table prints ({'; '.join(metrics)}), whose "
+        f"deviation counts. Look for a "
         "damaged cycle."
         for name, metrics in beyond.items()
     ]
     for part, names in ((part, names) for part, names in unknown.items() if names):
         metrics = ", ".join(dict.fromkeys(name for some in names.values() for name in some))
-        notes.append(f"{first_of(list(names), MAX_NAMED)}: the {part} is not known of {metrics}; it counts as 0.")
+        notes.append(
+            f"{first_of(list(names), MAX_NAMED)}: the {part} is not known of {metrics}; it counts "
+            f"as 0."
+        )
     return notes

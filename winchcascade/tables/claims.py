@@ -1,4 +1,6 @@
-"""The claims of a text compared with the rows of its table: confirmed, contradicted, or not verifiable from the table."""
+"""The claims of a text compared with the rows of its table: confirmed, contradicted, or not
+verifiable from the table.
+"""
 
 from __future__ import annotations
 
@@ -29,26 +31,45 @@ def claim_verdict(claim: Claim, table: PublishedTable, known: Repeatability) -> 
     loads, joint = [*map(load_text, claim.loads)], " out of " if claim.kind == "part" else ", "
     if claim.kind in ("largest_at_ohm", "rises_from_ohm"):
         rises = claim.kind == "rises_from_ohm"
-        said, judge = f"rising from {' to '.join(loads)}" if rises else f"largest at {' and '.join(loads)}", _order
+        said, judge = (
+            f"rising from {' to '.join(loads)}" if rises else f"largest at {' and '.join(loads)}",
+            _order,
+        )
     elif claim.kind.startswith("at_"):
         said, judge = f"{claim.kind.replace('_', ' ')} {claim.number.words}", _bound
     else:
         said, judge = f"{claim.number.words} at {loads[0]}", _value
     verdict, reason = judge(claim, table, known)
-    return ClaimVerdict(claim, verdict, f"{joint.join(claim.metrics)}: the text states {said}; {reason}.")
+    return ClaimVerdict(
+        claim, verdict, f"{joint.join(claim.metrics)}: the text states {said}; {reason}."
+    )
 
 
 def _value(claim: Claim, table: PublishedTable, known: Repeatability) -> tuple[Verdict, str]:
-    """A value at a load, against its cell and what the rest of the row allows; a share may also be that of the means."""
-    row, metric, said = table.row(claim.loads[0]), SHARES.get(claim.metrics, claim.metrics[0]), claim.number
+    """A value at a load, against its cell and what the rest of the row allows; a share may also
+    be that of the means.
+    """
+    row, metric, said = (
+        table.row(claim.loads[0]),
+        SHARES.get(claim.metrics, claim.metrics[0]),
+        claim.number,
+    )
     if row is None:
         return "not_checkable", "the table has no row of this load"
-    cell, rest = row.cells.get(metric), {name: span for name, span in row.spans.items() if name != metric}
+    cell, rest = (
+        row.cells.get(metric),
+        {name: span for name, span in row.spans.items() if name != metric},
+    )
     left = allowed(rest, known, *claim.metrics)
     if cell is not None and cell.span.meets(said.span):
         return "confirmed", f"the table prints {metric} {cell.words}"
     bounded = left is not None and (left.low > 0.0 or math.isfinite(left.high))
-    if left is not None and bounded and (cell is None or claim.kind == "part") and left.meets(said.span):
+    if (
+        left is not None
+        and bounded
+        and (cell is None or claim.kind == "part")
+        and left.meets(said.span)
+    ):
         return "confirmed", f"the row allows {said.range(left)}"
     if cell is None:
         allows = (
@@ -56,8 +77,15 @@ def _value(claim: Claim, table: PublishedTable, known: Repeatability) -> tuple[V
             if left is None or not bounded
             else f"and the row allows {said.range(left)}"
         )
-        return "contradicted" if bounded else "not_checkable", f"the table has no such cell, {allows}"
-    others = [name for name in RATIOS if metric in RATIOS and name in row.spans and row.spans[name].meets(said.span)]
+        return (
+            "contradicted" if bounded else "not_checkable",
+            f"the table has no such cell, {allows}",
+        )
+    others = [
+        name
+        for name in RATIOS
+        if metric in RATIOS and name in row.spans and row.spans[name].meets(said.span)
+    ]
     hint = f"; {said.words} is {' or '.join(others)}" if others else ""
     if claim.kind == "part":
         means = f", its means {cell.range(left)}" if left is not None else ""
@@ -70,7 +98,9 @@ def _value(claim: Claim, table: PublishedTable, known: Repeatability) -> tuple[V
 
 
 def _bound(claim: Claim, table: PublishedTable, known: Repeatability) -> tuple[Verdict, str]:
-    """A bound on a metric in all rows or in one, or on the deviation of the cycles, which means confine by their rows alone."""
+    """A bound on a metric in all rows or in one, or on the deviation of the cycles, which means
+    confine by their rows alone.
+    """
     metric = claim.metrics[0]
     if metric in DEVIATIONS:
         printed = table.deviations.get(metric)
@@ -79,22 +109,30 @@ def _bound(claim: Claim, table: PublishedTable, known: Repeatability) -> tuple[V
         odd = ", ".join(row.name for row in table.rows if not is_feasible(row.spans, known))
         return (
             "not_checkable",
-            f"means cannot confirm it; all rows{f' but {odd}' if odd else ''} are consistent with it",
+            f"means cannot confirm it; all rows{f' but {odd}' if odd else ''} are consistent with "
+            f"it",
         )
     rows = table.rows if not claim.loads else [table.row(claim.loads[0])]
     cells = [(row, row.cells[metric]) for row in rows if row is not None and metric in row.cells]
     if not cells:
         return "not_checkable", "the table has no cell for it"
     sign = 1.0 if claim.kind == "at_most" else -1.0
-    limit = sign * claim.number.value * claim.number.factor + claim.number.rounding * claim.number.factor
+    limit = (
+        sign * claim.number.value * claim.number.factor
+        + claim.number.rounding * claim.number.factor
+    )
     row, cell = max(cells, key=lambda item: sign * (item[1].span.low + item[1].span.high))
     nearest, farthest = sorted((sign * cell.span.low, sign * cell.span.high))
-    verdict: Verdict = "contradicted" if nearest > limit else "confirmed" if farthest <= limit else "not_checkable"
+    verdict: Verdict = (
+        "contradicted" if nearest > limit else "confirmed" if farthest <= limit else "not_checkable"
+    )
     return verdict, f"the table prints {cell.words} at {row.name}"
 
 
 def _order(claim: Claim, table: PublishedTable, known: Repeatability) -> tuple[Verdict, str]:  # noqa: ARG001
-    """Which of two cells is the larger: those at some loads than all others, or each than the one before it."""
+    """Which of two cells is the larger: those at some loads than all others, or each than the
+    one before it.
+    """
     pairs = []
     for metric in claim.metrics:
         rows = [row for row in table.rows if metric in row.cells]
@@ -105,13 +143,18 @@ def _order(claim: Claim, table: PublishedTable, known: Repeatability) -> tuple[V
             pairs += [(metric, other, row) for row in at for other in rows if other not in at]
         else:
             low, high = sorted(claim.loads)
-            run = sorted((row for row in rows if low <= (row.load or 0.0) <= high), key=lambda row: row.load or 0.0)
+            run = sorted(
+                (row for row in rows if low <= (row.load or 0.0) <= high),
+                key=lambda row: row.load or 0.0,
+            )
             run = run if claim.loads[0] < claim.loads[1] else run[::-1]
             pairs += [(metric, *pair) for pair in itertools.pairwise(run)]
     unsure = ""
     for metric, less, more in pairs:
         small, large = less.cells[metric].span, more.cells[metric].span
-        both = " and ".join(f"{metric} {row.cells[metric].words} at {row.name}" for row in (less, more))
+        both = " and ".join(
+            f"{metric} {row.cells[metric].words} at {row.name}" for row in (less, more)
+        )
         if small.low >= large.high:
             return "contradicted", f"the table prints {both}"
         if small.high > large.low:

@@ -1,7 +1,8 @@
-"""Laws between the columns of a table, and faults of whole columns that explain why many cells break them.
+"""Laws between the columns of a table, and faults of whole columns that explain why many cells
+break them.
 
-A printed number is an interval; a law of a column is evaluated in intervals over all rows at once. Arrays are (2, n): both ends
-in SI units, NaN in rows without a cell.
+A printed number is an interval; a law of a column is evaluated in intervals over all rows at once.
+Arrays are (2, n): both ends in SI units, NaN in rows without a cell.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ from winchcascade.core.run import Signal
 from winchcascade.tables.published_table import PrintedColumn, PublishedTable, TableRow
 
 MAX_WRONG = 0.02
-"""Share of its contradicted cells that a fault of whole columns may leave: it has to explain nearly all of them. [1]"""
+"""Share of its contradicted cells that a fault of whole columns may leave: it has to explain
+nearly all of them. [1]
+"""
 
 ONE_OF = 6
 """Of so many contradicted cells, one may be a fault of its own."""
@@ -32,7 +35,9 @@ POWERS = (-6, -3, -2, -1, 1, 2, 3, 6)
 """Powers of ten by which a wrong unit or a lost decimal point changes a column."""
 
 DUST = 1e-6
-"""Share by which numbers of a spreadsheet may miss each other: heads and cells are copied with seven digits. [1]"""
+"""Share by which numbers of a spreadsheet may miss each other: heads and cells are copied with
+seven digits. [1]
+"""
 
 Ends = Mapping[str, Signal]
 """Both ends of the cells of each column, (2, n), SI units."""
@@ -43,7 +48,8 @@ Status = Literal["evaluated", "derived", "not_evaluated"]
 
 
 class LawUse(msgspec.Struct, frozen=True):
-    """What became of a law: `rows` in which it was compared with cells, and the columns whose cells it lacks in the others.
+    """What became of a law: `rows` in which it was compared with cells, and the columns whose cells
+    it lacks in the others.
 
     A law is `derived` if its column has no cells and others use what it gives instead.
     """
@@ -55,8 +61,8 @@ class LawUse(msgspec.Struct, frozen=True):
 
 
 class ColumnFault(msgspec.Struct, frozen=True):
-    """One fault of whole columns that explains contradicted cells: heads exchanged, or another unit, by a factor; or two rows
-    exchanged, whose names stand for the columns.
+    """One fault of whole columns that explains contradicted cells: heads exchanged, or another
+    unit, by a factor; or two rows exchanged, whose names stand for the columns.
     """
 
     kind: Literal["swapped", "unit", "rows"]
@@ -72,18 +78,27 @@ def cell_ends(table: PublishedTable) -> dict[str, Signal]:
     """Both ends of all cells by column."""
     nothing = (math.nan, math.nan)
     spans = {
-        name: [row.cells[name].span if name in row.cells else None for row in table.rows] for name in table.columns
+        name: [row.cells[name].span if name in row.cells else None for row in table.rows]
+        for name in table.columns
     }
     return {
-        name: np.array([nothing if s is None else (s.low, s.high) for s in column], dtype=np.float64).reshape(-1, 2).T
+        name: np.array(
+            [nothing if s is None else (s.low, s.high) for s in column], dtype=np.float64
+        )
+        .reshape(-1, 2)
+        .T
         for name, column in spans.items()
     }
 
 
-def allowed_by_law(name: str, table: PublishedTable, ends: Ends, above: tuple[str, ...] = ()) -> Signal:
-    """What the law of a column allows, (2, n); NaN in rows that lack a column of it, and without a law.
+def allowed_by_law(
+    name: str, table: PublishedTable, ends: Ends, above: tuple[str, ...] = ()
+) -> Signal:
+    """What the law of a column allows, (2, n); NaN in rows that lack a column of it, and without a
+    law.
 
-    Where a column of the law has no cell, its own law gives it. Each term is widened by the tolerance of the table.
+    Where a column of the law has no cell, its own law gives it. Each term is widened by the
+    tolerance of the table.
 
     Parameters
     ----------
@@ -103,7 +118,9 @@ def allowed_by_law(name: str, table: PublishedTable, ends: Ends, above: tuple[st
                 known = np.where(np.isnan(ends[factor]), inner, ends[factor])
             product = _product(product, _inverse(known) if k >= len(term.times) else known)
         if not above:
-            product = product + np.array([[-1.0], [1.0]]) * (DUST + table.tolerance) * np.abs(product)
+            product = product + np.array([[-1.0], [1.0]]) * (DUST + table.tolerance) * np.abs(
+                product
+            )
         total = total + product
     return total
 
@@ -113,18 +130,24 @@ def _product(one: Signal, other: Signal) -> Signal:
     with np.errstate(invalid="ignore"):
         ends = (one[:, None] * other[None]).reshape(4, -1)
     product = np.stack([ends.min(axis=0), ends.max(axis=0)])
-    unbounded = (np.isinf(one) | np.isinf(other)).any(axis=0) & ~(np.isnan(one) | np.isnan(other)).any(axis=0)
+    unbounded = (np.isinf(one) | np.isinf(other)).any(axis=0) & ~(
+        np.isnan(one) | np.isnan(other)
+    ).any(axis=0)
     return np.where(unbounded, [[-math.inf], [math.inf]], product)
 
 
 def _inverse(ends: Signal) -> Signal:
     """Inverse of an interval; any value where it holds zero."""
     holds_zero = (ends[0] <= 0.0) & (ends[1] >= 0.0)
-    return np.where(holds_zero, [[-math.inf], [math.inf]], 1.0 / np.where(holds_zero, 1.0, ends[::-1]))
+    return np.where(
+        holds_zero, [[-math.inf], [math.inf]], 1.0 / np.where(holds_zero, 1.0, ends[::-1])
+    )
 
 
 def broken_cells(table: PublishedTable) -> tuple[dict[str, Signal], int]:
-    """What laws and bounds allow of the cells that they contradict, (2, n) by column, NaN elsewhere; and the cells compared."""
+    """What laws and bounds allow of the cells that they contradict, (2, n) by column, NaN
+    elsewhere; and the cells compared.
+    """
     found, compared, ends = {}, 0, cell_ends(table)
     for name, column in table.columns.items():
         cell, law = ends[name], allowed_by_law(name, table, ends)
@@ -147,7 +170,11 @@ def law_uses(table: PublishedTable) -> tuple[LawUse, ...]:
     used = set().union(*(made_of(name, table.columns) for name in laws if rows[name]))
     found = []
     for name, law in laws.items():
-        inputs = [c for c in law.names if np.any(np.isnan(allowed_by_law(c, table, ends, (name,))[0]) & ~given[c])]
+        inputs = [
+            c
+            for c in law.names
+            if np.any(np.isnan(allowed_by_law(c, table, ends, (name,))[0]) & ~given[c])
+        ]
         missing = (*([] if np.all(given[name]) else [name]), *inputs)
         derived = name in used and not given[name].any()
         status: Status = "evaluated" if rows[name] else "derived" if derived else "not_evaluated"
@@ -155,7 +182,9 @@ def law_uses(table: PublishedTable) -> tuple[LawUse, ...]:
     return tuple(found)
 
 
-def made_of(name: str, columns: Mapping[str, PrintedColumn], above: tuple[str, ...] = ()) -> set[str]:
+def made_of(
+    name: str, columns: Mapping[str, PrintedColumn], above: tuple[str, ...] = ()
+) -> set[str]:
     """Columns that the law of a column is made of, those of laws of laws among them."""
     law = columns[name].law
     inputs = set() if law is None or name in above else {*law.names}
@@ -165,7 +194,8 @@ def made_of(name: str, columns: Mapping[str, PrintedColumn], above: tuple[str, .
 def find_column_fault(
     table: PublishedTable, suspects: Collection[str], count: Callable[[PublishedTable], int]
 ) -> ColumnFault | None:
-    """The fault of whole columns that explains nearly all contradicted cells: exchanged heads, else another unit.
+    """The fault of whole columns that explains nearly all contradicted cells: exchanged heads, else
+    another unit.
 
     Parameters
     ----------
@@ -175,9 +205,18 @@ def find_column_fault(
     before = count(table)
     left = max(MAX_WRONG * before, float(before >= ONE_OF))
     for candidates in (_exchanges(table, suspects), _other_units(table, suspects)):
-        counted = [replace(one, broken_before=before, broken_after=count(mended(table, one))) for one in candidates]
+        counted = [
+            replace(one, broken_before=before, broken_after=count(mended(table, one)))
+            for one in candidates
+        ]
         good = [one for one in counted if one.broken_after <= left]
-        good.sort(key=lambda one: (one.broken_after, one.kind == "unit" and not one.unit, len(one.columns)))
+        good.sort(
+            key=lambda one: (
+                one.broken_after,
+                one.kind == "unit" and not one.unit,
+                len(one.columns),
+            )
+        )
         if good:
             return replace(good[0], sentence=_sentence(good[0], table))
     return None
@@ -195,7 +234,9 @@ def _exchanges(table: PublishedTable, suspects: Collection[str]) -> Iterator[Col
 
 
 def _other_units(table: PublishedTable, suspects: Collection[str]) -> Iterator[ColumnFault]:
-    """Other units of single columns, and of all columns that share one: powers of ten, and units of the same dimension."""
+    """Other units of single columns, and of all columns that share one: powers of ten, and units
+    of the same dimension.
+    """
     shared: dict[tuple[str, float], list[str]] = {}
     for name, column in sorted(table.columns.items()):
         shared.setdefault((column.dimension, column.factor), []).append(name)
@@ -215,14 +256,20 @@ def mended(table: PublishedTable, fault: ColumnFault) -> PublishedTable:
     """The table without a fault of its columns."""
     columns = table.columns
     if fault.kind == "unit":
-        scaled = {name: replace(columns[name], factor=fault.factor * columns[name].factor) for name in fault.columns}
+        scaled = {
+            name: replace(columns[name], factor=fault.factor * columns[name].factor)
+            for name in fault.columns
+        }
         columns, names = {**columns, **scaled}, {}
     else:
         names = dict(zip(fault.columns, reversed(fault.columns), strict=True))
 
     def moved(row: TableRow) -> TableRow:
         cells = {names.get(name, name): cell for name, cell in row.cells.items()}
-        of = {name: replace(c, unit=columns[name].unit, factor=columns[name].factor) for name, c in cells.items()}
+        of = {
+            name: replace(c, unit=columns[name].unit, factor=columns[name].factor)
+            for name, c in cells.items()
+        }
         return replace(row, cells=of)
 
     return replace(table, columns=columns, rows=tuple(map(moved, table.rows)))
@@ -231,8 +278,13 @@ def mended(table: PublishedTable, fault: ColumnFault) -> PublishedTable:
 def _sentence(fault: ColumnFault, table: PublishedTable) -> str:
     """The fault in words."""
     heads = " and ".join(repr(table.columns[name].head) for name in fault.columns)
-    counts = f"{fault.broken_before} cells contradict others as printed, {fault.broken_after or 'none'}"
+    counts = (
+        f"{fault.broken_before} cells contradict others as printed, {fault.broken_after or 'none'}"
+    )
     if fault.kind == "swapped":
         return f"columns {heads} are swapped: {counts} with the two heads exchanged."
-    printed, fits = table.columns[fault.columns[0]].unit, f"; {fault.unit} fits" if fault.unit else ""
+    printed, fits = (
+        table.columns[fault.columns[0]].unit,
+        f"; {fault.unit} fits" if fault.unit else "",
+    )
     return f"unit of {heads}: {counts} if taken times {fault.factor:g}; the unit, printed as {printed}, is wrong{fits}."

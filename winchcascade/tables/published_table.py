@@ -1,7 +1,8 @@
-"""A published table as data: columns with unit and law, rows found by their key cells, claims of the text.
+"""A published table as data: columns with unit and law, rows found by their key cells, claims of
+the text.
 
-Cells stay as printed, in the unit of their column. A printed number stands for every value that rounds to it; `Span` is that
-interval, in SI units.
+Cells stay as printed, in the unit of their column. A printed number stands for every value that
+rounds to it; `Span` is that interval, in SI units.
 """
 
 from __future__ import annotations
@@ -26,11 +27,13 @@ RESULTS_AT = {
     "file": "text", "cycle": "number", "load": "resistance",
     "speed": "rotation", "torque": "torque", "velocity": "velocity", "travel": "length",
 }  # fmt: skip
-"""What a result is at, beside its metrics: its log, its cycle, its load, speed and torque of its shaft, plateau speed and
-travel of its payouts; each with its dimension."""
+"""What a result is at, beside its metrics: its log, its cycle, its load, speed and torque of its
+shaft, plateau speed and travel of its payouts; each with its dimension."""
 
 DEVIATIONS = ("deviation_energy", "deviation_eta")
-"""Largest deviations of a cycle from the mean that a source may print: of energies and powers, and of efficiencies."""
+"""Largest deviations of a cycle from the mean that a source may print: of energies and powers,
+and of efficiencies.
+"""
 
 
 STATEMENTS = {
@@ -48,11 +51,12 @@ SHARES = {
 TABLE_UNITS = {
     "J": (1.0, "energy"), "kJ": (1e3, "energy"), "MJ": (1e6, "energy"), "Wh": (3600.0, "energy"), "kWh": (3.6e6, "energy"),
     "kg/m": (1.0, "mass per length"), "kg/m2": (1.0, "mass per area"), "kg/m3": (1.0, "density"),
-    "W/m": (1.0, "power per width"), "kW/m": (1e3, "power per width"), "MW/m": (1e6, "power per width"),
+    "W/m": (1.0, "power per width"), "kW/m": (1e3, "power per width"), "MW/m": (1e6, "power per "
+                                                                                     "width"),
     "W/m2": (1.0, "power per area"), "kW/m2": (1e3, "power per area"),
 }  # fmt: skip
-"""Units that tables have and logs have not, with factor to SI and dimension: a log weighs in kilograms, so that its kg/m is a
-stiffness."""
+"""Units that tables have and logs have not, with factor to SI and dimension: a log weighs in
+kilograms, so that its kg/m is a stiffness."""
 
 Text = Annotated[str, Meta(pattern=r"\S")]
 Positive = Annotated[float, Meta(ge=0.0, le=1e15)]
@@ -98,14 +102,18 @@ class Span(msgspec.Struct, frozen=True):
         return self.low <= other.high and other.low <= self.high
 
     def over(self, other: Span) -> Span:
-        """Quotients of a value of this interval and one of another, both of values that are not negative."""
+        """Quotients of a value of this interval and one of another, both of values that are not
+        negative.
+        """
         return Span(self.low / other.high, self.high / max(other.low, 1e-300))
 
 
 class Printed(msgspec.Struct, frozen=True):
-    """A number as printed: in its unit with the factor to SI, with its decimals, -1 for one rounded to tens.
+    """A number as printed: in its unit with the factor to SI, with its decimals, -1 for one rounded
+    to tens.
 
-    `text` is as the source writes it, `line` its line in the file. The name of a log has NaN and a text, an open circuit inf.
+    `text` is as the source writes it, `line` its line in the file. The name of a log has NaN and a
+    text, an open circuit inf.
     """
 
     value: float
@@ -131,7 +139,9 @@ class Printed(msgspec.Struct, frozen=True):
         >>> Printed(1.5, 1, "kW", 1000.0).span
         Span(low=1450.0, high=1550.0)
         """
-        return Span((self.value - self.rounding) * self.factor, (self.value + self.rounding) * self.factor)
+        return Span(
+            (self.value - self.rounding) * self.factor, (self.value + self.rounding) * self.factor
+        )
 
     @property
     def words(self) -> str:
@@ -152,14 +162,19 @@ class Printed(msgspec.Struct, frozen=True):
         unit = unit_suffix(self.unit)
         if math.isinf(span.high):
             return f"{low}{unit} or more"
-        return f"at most {high}{unit}" if span.low <= 0 else f"{low if low == high else f'{low} to {high}'}{unit}"
+        return (
+            f"at most {high}{unit}"
+            if span.low <= 0
+            else f"{low if low == high else f'{low} to {high}'}{unit}"
+        )
 
 
 class PrintedColumn(msgspec.Struct, frozen=True):
-    """One column: its head in a CSV, its unit with the factor to SI, how it is rounded, and what it is of others.
+    """One column: its head in a CSV, its unit with the factor to SI, how it is rounded, and what it
+    is of others.
 
-    `measured` is the name of what is measured of it: a metric of the results, or an entry of `RESULTS_AT`. No value of it
-    exceeds `at_most`.
+    `measured` is the name of what is measured of it: a metric of the results, or an entry of
+    `RESULTS_AT`. No value of it exceeds `at_most`.
     """
 
     head: str
@@ -174,7 +189,8 @@ class PrintedColumn(msgspec.Struct, frozen=True):
 
 
 class TableRow(msgspec.Struct, frozen=True):
-    """Cells of a row by column; its number from 1 on, its name in messages, and its line in the file.
+    """Cells of a row by column; its number from 1 on, its name in messages, and its line in the
+    file.
 
     `load` is that of a row of a table by load [ohm], inf for an open circuit.
     """
@@ -192,11 +208,13 @@ class TableRow(msgspec.Struct, frozen=True):
 
 
 class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A claim of the text as a table file states it: its words, the place in the source, what it states, and its line.
+    """A claim of the text as a table file states it: its words, the place in the source, what it
+    states, and its line.
 
-    It states the `value` of a metric at a load, or of the share of the energy or power `of` that arrives at `part`; a bound
-    `at_most` or `at_least` on a metric at one load, or at all without one, or on the deviation of the cycles; that metrics are
-    `largest_at_ohm` some loads, or that they rise from row to row, `rises_from_ohm` one load `to_ohm` another.
+    It states the `value` of a metric at a load, or of the share of the energy or power `of` that
+    arrives at `part`; a bound `at_most` or `at_least` on a metric at one load, or at all without
+    one, or on the deviation of the cycles; that metrics are `largest_at_ohm` some loads, or that
+    they rise from row to row, `rises_from_ohm` one load `to_ohm` another.
     """
 
     says: Text
@@ -216,21 +234,31 @@ class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     line: int | None = None
 
     def __post_init__(self) -> None:
-        """Reject a claim that states nothing, lacks something or names what is no metric: ValueError."""
+        """Reject a claim that states nothing, lacks something or names what is no metric:
+        ValueError.
+        """
         if missing := [name for name in STATEMENTS[self.kind] if getattr(self, name) in (None, ())]:
             raise ValueError(f"expected {' and '.join(missing)} beside {self.kind}.")
         known = (*METRICS, *(DEVIATIONS if self.kind.startswith("at_") else ()))
         if unknown := [name for name in self.metrics if name not in known]:
-            raise ValueError(f"{unknown[0]!r} is no metric here; expected one of {', '.join(known)}.")
+            raise ValueError(
+                f"{unknown[0]!r} is no metric here; expected one of {', '.join(known)}."
+            )
         if self.kind == "part" and self.metrics not in SHARES:
             raise ValueError(
-                f"part is {self.part} and of is {self.of}; expected two energies or powers, part behind of."
+                f"part is {self.part} and of is {self.of}; expected two energies or powers, part "
+                f"behind of."
             )
         if len(set(self.loads)) < len(self.loads):
             raise ValueError(
-                f"{self.kind} names a load twice; expected different ones, such as rises_from_ohm and to_ohm."
+                f"{self.kind} names a load twice; expected different ones, such as rises_from_ohm "
+                f"and to_ohm."
             )
-        wanted = "number" if self.kind == "part" else DIMENSIONS.get(self.metrics[0].partition("_")[0], "number")
+        wanted = (
+            "number"
+            if self.kind == "part"
+            else DIMENSIONS.get(self.metrics[0].partition("_")[0], "number")
+        )
         if self.number.value and unit_of(self.unit)[1] != wanted:
             raise ValueError(f"the unit {self.unit!r} is none of a {wanted}.")
 
@@ -239,7 +267,10 @@ class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """What it states, as in `STATEMENTS`; ValueError for nothing."""
         kinds = [kind for kind in STATEMENTS if getattr(self, kind) is not None]
         if len(kinds) != 1 and kinds != ["part", "value"]:
-            raise ValueError(f"it states {' and '.join(kinds) or 'nothing'}; expected one of {', '.join(STATEMENTS)}.")
+            raise ValueError(
+                f"it states {' and '.join(kinds) or 'nothing'}; expected one of "
+                f"{', '.join(STATEMENTS)}."
+            )
         return kinds[0]
 
     @property
@@ -252,23 +283,32 @@ class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def loads(self) -> tuple[float, ...]:
         """Loads that it is about, none for all. [ohm]"""
         stated = (self.load_ohm, self.largest_at_ohm, self.rises_from_ohm, self.to_ohm)
-        return tuple(x for load in stated if load is not None for x in (load if isinstance(load, tuple) else (load,)))
+        return tuple(
+            x
+            for load in stated
+            if load is not None
+            for x in (load if isinstance(load, tuple) else (load,))
+        )
 
     @property
     def number(self) -> Printed:
         """The number that it states; 0 without one."""
         return Printed(
-            self.value or self.at_most or self.at_least or 0.0, self.decimals, self.unit, unit_of(self.unit)[0]
+            self.value or self.at_most or self.at_least or 0.0,
+            self.decimals,
+            self.unit,
+            unit_of(self.unit)[0],
         )
 
 
 class PublishedTable(msgspec.Struct, frozen=True):
     """A published table, whose rows are found by the columns `keys`.
 
-    Rows `by_load` are means over `cycles` of one motion: the laws of the cascade hold between them. `deviations` are the
-    largest deviations of a cycle that the source prints [%]. Means of products may differ from products of means by the share
-    `tolerance`, a measured key from a printed one by the share `key_share` of the largest printed one. `unread` names cells
-    that hold a text where a number was expected. `path` and `csv` are the files of the table, empty for none.
+    Rows `by_load` are means over `cycles` of one motion: the laws of the cascade hold between them.
+    `deviations` are the largest deviations of a cycle that the source prints [%]. Means of products
+    may differ from products of means by the share `tolerance`, a measured key from a printed one by
+    the share `key_share` of the largest printed one. `unread` names cells that hold a text where a
+    number was expected. `path` and `csv` are the files of the table, empty for none.
     """
 
     name: str
@@ -289,4 +329,6 @@ class PublishedTable(msgspec.Struct, frozen=True):
 
     def row(self, load: float) -> TableRow | None:
         """The row of a load; None if there is none. 18 finds 18.0."""
-        return next((row for row in self.rows if row.load is not None and same_load(row.load, load)), None)
+        return next(
+            (row for row in self.rows if row.load is not None and same_load(row.load, load)), None
+        )

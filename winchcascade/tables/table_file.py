@@ -1,6 +1,8 @@
-"""Read a published table from a TOML file: rows by load, or operating points with any key in the file or a CSV beside it.
+"""Read a published table from a TOML file: rows by load, or operating points with any key in the
+file or a CSV beside it.
 
-The digits of each cell give its rounding, unless the file states decimals or significant digits for the column.
+The digits of each cell give its rounding, unless the file states decimals or significant digits for
+the column.
 """
 
 from __future__ import annotations
@@ -49,9 +51,9 @@ PRESETS = {
     "capture_width": "power / wave_power", "capture_width_ratio": "capture_width / width",
     "cp": "power / (0.5 density area flow_speed^3)", "tsr": "speed * radius / flow_speed",
 }  # fmt: skip
-"""Laws of columns of these names in a table that has all that they name: P = T omega; power of a wave-energy converter over
-that of the waves for each metre of crest (IEC TS 62600-100), and over its width; power coefficient and tip-speed ratio of a
-rotor (IEC TS 62600-200)."""
+"""Laws of columns of these names in a table that has all that they name: P = T omega; power of a
+wave-energy converter over that of the waves for each metre of crest (IEC TS 62600-100), and over
+its width; power coefficient and tip-speed ratio of a rotor (IEC TS 62600-200)."""
 
 _LOAD = "load_ohm"
 
@@ -92,7 +94,8 @@ class _Column(msgspec.Struct, frozen=True, forbid_unknown_fields=True, rename={"
 
 
 def load_table(table: PublishedTable | str | Path) -> PublishedTable:
-    """Read a table file, or the built-in table of that name where no such file exists; a table that was read stays as it is.
+    """Read a table file, or the built-in table of that name where no such file exists; a table that
+    was read stays as it is.
 
     Raises
     ------
@@ -109,7 +112,8 @@ def load_table(table: PublishedTable | str | Path) -> PublishedTable:
     if not isfile(path):
         if str(table) not in BUILT_IN:
             raise TableError(
-                f"table {str(table)!r}: no such file and no built-in table of that name; give a table file or "
+                f"table {str(table)!r}: no such file and no built-in table of that name; give a "
+                f"table file or "
                 f"{' or '.join(BUILT_IN)}."
             )
         path = _FOLDER / f"{table}.toml"
@@ -126,11 +130,15 @@ def table_place(path: str) -> str:
 
 
 def parse_table(text: str, where: str, *, name: str = "table") -> PublishedTable:
-    """Turn the text of a table file into a table; `where` names the file in the one sentence of a TableError."""
+    """Turn the text of a table file into a table; `where` names the file in the one sentence of
+    a TableError.
+    """
     raw = toml_values(text, where, TableError)
     file: _TableFile = convert(raw, _TableFile, f"{where}:", TableError)
     if [file.row, file.point, file.csv].count(None) != 2:
-        raise TableError(f'{where}: expected one of [[row]] tables by load, [[point]] tables, and csv = "FILE".')
+        raise TableError(
+            f'{where}: expected one of [[row]] tables by load, [[point]] tables, and csv = "FILE".'
+        )
     by_load = file.row is not None
     columns = _columns(file.columns, where, by_load=by_load)
     keys = (file.key,) if isinstance(file.key, str) else file.key or ((_LOAD,) if by_load else ())
@@ -151,7 +159,9 @@ def parse_table(text: str, where: str, *, name: str = "table") -> PublishedTable
         keys=keys,
         by_load=by_load,
         cycles=file.cycles,
-        deviations={d: _deviation(raw[f"{d}_percent"]) for d in DEVIATIONS if f"{d}_percent" in raw},
+        deviations={
+            d: _deviation(raw[f"{d}_percent"]) for d in DEVIATIONS if f"{d}_percent" in raw
+        },
         claims=_claims(text, file.claim, where),
         tolerance=file.tolerance_percent / 100.0,
         key_share=file.key_percent / 100.0,
@@ -162,7 +172,9 @@ def parse_table(text: str, where: str, *, name: str = "table") -> PublishedTable
 
 
 def _lines(text: str, key: str, tables: int) -> list[dict[str, int]]:
-    """Lines of the entries of each of several tables of a name, of its header by the key ""; empty without [[headers]]."""
+    """Lines of the entries of each of several tables of a name, of its header by the key "";
+    empty without [[headers]].
+    """
     lines: list[dict[str, int]] = []
     inside = False
     for count, line in enumerate(text.splitlines(), 1):
@@ -177,8 +189,12 @@ def _lines(text: str, key: str, tables: int) -> list[dict[str, int]]:
 def _claims(text: str, tables: Sequence[Table], where: str) -> tuple[Claim, ...]:
     """Claims of the text, each with its line."""
     claims = list[Claim]()
-    for k, (raw, lines) in enumerate(zip(tables, _lines(text, "claim", len(tables)), strict=True), 1):
-        claim: Claim = convert({**raw, "line": lines.get("")}, Claim, f"{where}: claim {k}", TableError)
+    for k, (raw, lines) in enumerate(
+        zip(tables, _lines(text, "claim", len(tables)), strict=True), 1
+    ):
+        claim: Claim = convert(
+            {**raw, "line": lines.get("")}, Claim, f"{where}: claim {k}", TableError
+        )
         _check_rounded(claim.number.value, claim.decimals, f"{where}: claim {k} {claim.kind}")
         claims.append(claim)
     return tuple(claims)
@@ -189,9 +205,13 @@ def _deviation(printed: object) -> Printed:
     return Printed(float(str(printed)), len(str(printed).partition(".")[2]), "%", 0.01)
 
 
-# ------------------------------------------------------------------------------------------------------------------ columns
+# ---------------------------------------------------------------------------------------- columns
 def _columns(raw: Mapping[str, Table], where: str, *, by_load: bool) -> dict[str, PrintedColumn]:
-    columns = {} if _LOAD in raw or not by_load else {_LOAD: PrintedColumn(_LOAD, "ohm", 1.0, "resistance", "load")}
+    columns = (
+        {}
+        if _LOAD in raw or not by_load
+        else {_LOAD: PrintedColumn(_LOAD, "ohm", 1.0, "resistance", "load")}
+    )
     for name, table in raw.items():
         place = f"{where}: [columns] {name}"
         given: _Column = convert(table, _Column, place, TableError)
@@ -204,7 +224,9 @@ def _columns(raw: Mapping[str, Table], where: str, *, by_load: bool) -> dict[str
             factor, dimension = unit_of(given.unit)
         except ValueError as fault:
             raise TableError(f"{place}: {fault}") from None
-        if RESULTS_AT.get(measured) == "rotation" and (rotation := read_as(find_unit(given.unit), "rotation")):
+        if RESULTS_AT.get(measured) == "rotation" and (
+            rotation := read_as(find_unit(given.unit), "rotation")
+        ):
             factor, dimension = rotation.factor, rotation.dimension
         law = _preset(name, raw) if given.law is None else given.law
         columns[name] = PrintedColumn(
@@ -215,13 +237,18 @@ def _columns(raw: Mapping[str, Table], where: str, *, by_load: bool) -> dict[str
             measured=measured,
             decimals=given.decimals,
             digits=given.digits,
-            law=None if law is None else read_formula(law, raw, f"{place}: is = {law!r}", TableError, find_table_unit),
+            law=None
+            if law is None
+            else read_formula(law, raw, f"{place}: is = {law!r}", TableError, find_table_unit),
             at_most=1.0 if not by_load and name.startswith(("eta", "power_factor")) else math.inf,
         )
         if by_load or name in ("speed", "torque"):
             check_unit(columns[name], place)
         if by_load and name == _LOAD and factor != 1.0:
-            raise TableError(f"{place}: the unit is {given.unit!r}; expected ohm, as in the rows. It is a resistance.")
+            raise TableError(
+                f"{place}: the unit is {given.unit!r}; expected ohm, as in the rows. It is a "
+                f"resistance."
+            )
     return columns
 
 
@@ -243,13 +270,19 @@ def check_unit(column: PrintedColumn, place: str) -> None:
     if wanted is not None and column.dimension != wanted:
         like = "J" if wanted == "energy" else si_unit(wanted)
         raise TableError(
-            f"{place}: the unit {column.unit!r} is none of {column.measured}; expected one of {wanted}, such as {like}."
+            f"{place}: the unit {column.unit!r} is none of {column.measured}; expected one of "
+            f"{wanted}, such as {like}."
         )
 
 
-# --------------------------------------------------------------------------------------------------------------------- rows
+# ------------------------------------------------------------------------------------------- rows
 def _row(
-    k: int, cells: Mapping[str, Printed], keys: Sequence[str], *, by_load: bool = False, line: int | None = None
+    k: int,
+    cells: Mapping[str, Printed],
+    keys: Sequence[str],
+    *,
+    by_load: bool = False,
+    line: int | None = None,
 ) -> TableRow:
     """A row with its name: its load, its key cells, or its number."""
     if by_load:
@@ -273,11 +306,19 @@ def _toml_rows(
         place = f"{where}: {kind} {k}"
         check_keys(raw, columns, f"{place} has no unit under [columns]:", TableError)
         cells = {
-            name: _toml_cell(value, columns[name], f"{place} {name}", lines.get(name), strict=by_load and name != _LOAD)
+            name: _toml_cell(
+                value,
+                columns[name],
+                f"{place} {name}",
+                lines.get(name),
+                strict=by_load and name != _LOAD,
+            )
             for name, value in raw.items()
         }
         if by_load and (_LOAD not in cells or len(cells) < 2 or not is_load(cells[_LOAD].value)):
-            raise TableError(f"{place}: expected load_ohm, a resistance above 0 or inf, with its cells.")
+            raise TableError(
+                f"{place}: expected load_ohm, a resistance above 0 or inf, with its cells."
+            )
         rows.append(_row(k, cells, keys, by_load=by_load, line=lines.get("")))
     for one, other in combinations(rows if by_load else (), 2):
         if same_load(one.load or 0.0, other.load or 0.0):
@@ -285,18 +326,23 @@ def _toml_rows(
     return tuple(rows)
 
 
-def _toml_cell(value: object, column: PrintedColumn, place: str, line: int | None, *, strict: bool) -> Printed:
+def _toml_cell(
+    value: object, column: PrintedColumn, place: str, line: int | None, *, strict: bool
+) -> Printed:
     """A cell of a TOML file: a number, or one in quotes to keep its last zeros.
 
     Parameters
     ----------
-    strict : reject a negative number, one that is not finite, and one with more decimals than are said to be printed
+    strict : reject a negative number, one that is not finite, and one with more decimals than are
+        said to be printed
     """
     text = str(value)
     readable = isinstance(value, str | float | int) and not isinstance(value, bool)
     cell = _cell(text, ".", column, line) if readable and "," not in text else None
     if cell is None or (strict and not 0.0 <= cell.value <= 1e15):
-        raise TableError(f"{place} is {shown(value)}; expected a number{' from 0 on' if strict else ''}.")
+        raise TableError(
+            f"{place} is {shown(value)}; expected a number{' from 0 on' if strict else ''}."
+        )
     if not strict or column.decimals is None:
         return cell
     _check_rounded(cell.value, column.decimals, place)
@@ -307,12 +353,17 @@ def _check_rounded(value: float, decimals: int, place: str) -> None:
     """Reject a number with more decimals than are said to be printed."""
     if abs(value - round(value, decimals)) > 1e-9 * max(10.0**-decimals, value * 1e-3):
         raise TableError(
-            f"{place} is {value:.15g}, but {decimals} decimals are said to be printed; correct the cell or the decimals."
+            f"{place} is {value:.15g}, but {decimals} decimals are said to be printed; correct "
+            f"the cell or the decimals."
         )
 
 
-def _cell(text: str, decimal: str, column: PrintedColumn, line: int | None = None) -> Printed | None:
-    """A printed number with its rounding; None for a cell without a number, a text in a column of files."""
+def _cell(
+    text: str, decimal: str, column: PrintedColumn, line: int | None = None
+) -> Printed | None:
+    """A printed number with its rounding; None for a cell without a number, a text in a column
+    of files.
+    """
     if column.dimension == "text":
         return Printed(math.nan, 0, text=text.strip(), line=line) if text.strip() else None
     if text.strip().casefold() == "inf" and column.dimension == "resistance":
@@ -333,34 +384,51 @@ def _cell(text: str, decimal: str, column: PrintedColumn, line: int | None = Non
 def _csv_rows(
     file: Path, columns: Mapping[str, PrintedColumn], keys: Sequence[str], where: str
 ) -> tuple[tuple[TableRow, ...], tuple[str, ...]]:
-    """Rows of a CSV whose first line holds the heads, and the cells that hold a text instead of a number."""
+    """Rows of a CSV whose first line holds the heads, and the cells that hold a text instead of
+    a number.
+    """
     try:
         content = file.read_bytes()
     except OSError as fault:
-        raise TableError(f"{file}: cannot be read ({fault.strerror}); correct csv in {where}.") from None
-    lines = [line for line in content.decode(find_encoding(content), "replace").splitlines() if line.strip()]
+        raise TableError(
+            f"{file}: cannot be read ({fault.strerror}); correct csv in {where}."
+        ) from None
+    lines = [
+        line
+        for line in content.decode(find_encoding(content), "replace").splitlines()
+        if line.strip()
+    ]
     head = lines[0].lstrip("\ufeff") if lines else ""
     if len(lines) < 2:
         what = "no row below its heads" if lines else "is empty"
         raise TableError(f"{file}: {what}; expected heads and rows of numbers.")
     delimiter = max(";\t,", key=head.count)
     heads = split_row(head, delimiter)
-    columns = {n: c for n, c in columns.items() if c.law is None or c.head != n or n in heads}  # else its law gives it
+    columns = {
+        n: c for n, c in columns.items() if c.law is None or c.head != n or n in heads
+    }  # else its law gives it
     for column in columns.values():
         if heads.count(column.head) != 1:
             raise TableError(
-                f"{file}: {heads.count(column.head) or 'no'} columns are named {column.head!r}; expected one; the file has "
+                f"{file}: {heads.count(column.head) or 'no'} columns are named {column.head!r}; "
+                f"expected one; the file has "
                 f"{', '.join(heads)}. Correct [columns] in {where}."
             )
     texts = [split_row(line, delimiter) for line in lines[1:]]
     decimal = "." if delimiter == "," else decimal_sign(texts)
     rows, unread = list[TableRow](), list[str]()
     for k, row in enumerate(texts, 1):
-        given = {name: row[place] for name, c in columns.items() if (place := heads.index(c.head)) < len(row)}
+        given = {
+            name: row[place]
+            for name, c in columns.items()
+            if (place := heads.index(c.head)) < len(row)
+        }
         read = {name: _cell(text, decimal, columns[name]) for name, text in given.items()}
         cells = {name: cell for name, cell in read.items() if cell is not None}
         lost = (
-            name for name in given if name not in cells and not _NO_NUMBER.fullmatch(given[name].strip().casefold())
+            name
+            for name in given
+            if name not in cells and not _NO_NUMBER.fullmatch(given[name].strip().casefold())
         )
         unread += [f"row {k} {name} {given[name].strip()!r}" for name in lost]
         rows += [_row(len(rows) + 1, cells, keys)] if cells else []

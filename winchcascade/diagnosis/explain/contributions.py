@@ -1,9 +1,11 @@
-"""What each cause contributes to the difference between the model of the rig file and the log, metric by metric.
+"""What each cause contributes to the difference between the model of the rig file and the log,
+metric by metric.
 
-A metric of a run is simulated with each subset of the causes at their fitted values, tolerances nominal. The contribution of
-a cause is what it adds, averaged over all orders in which the causes may be added: the value of Shapley (1953, A value for
-n-person games). It depends on no order, and all add up to what the causes do together. Then numbers and sensors of the rig
-move within their tolerances as the fit found them. The rest is the residual.
+A metric of a run is simulated with each subset of the causes at their fitted values, tolerances
+nominal. The contribution of a cause is what it adds, averaged over all orders in which the causes
+may be added: the value of Shapley (1953, A value for n-person games). It depends on no order, and
+all add up to what the causes do together. Then numbers and sensors of the rig move within their
+tolerances as the fit found them. The rest is the residual.
 """
 
 from __future__ import annotations
@@ -61,21 +63,25 @@ INPUTS = ("rig", "law", "load")
 
 
 OF_DISCREPANCY = 0.1
-"""Share of the discrepancy of the model that may belong to the law of one effect, as a standard uncertainty of its contribution
-to any metric. Assumed; a twin with laws of its own scatters about as much. [1]"""
+"""Share of the discrepancy of the model that may belong to the law of one effect, as a standard
+uncertainty of its contribution to any metric. Assumed; a twin with laws of its own scatters about
+as much. [1]"""
 
 
 ROUNDED = 1e-8
-"""Largest contribution of a cause, as a share of the quantity, that is rounding of the simulation and counts as none. [1]"""
+"""Largest contribution of a cause, as a share of the quantity, that is rounding of the
+simulation and counts as none. [1]
+"""
 
 
 class Accounts(NamedTuple):
     """What the parts of each of L runs come to, SI units; NaN for what a log lacks.
 
-    `measured` and `as_given` are (L, 14); `parts` and their standard uncertainties `u` (L, k + 2, 14) are those of k causes, of
-    tolerances and residual. `by_model` (L, k, 14) is what each cause changes by the model, whether the log can give the
-    quantity or not. `u_input` (L, 2, 14) are standard uncertainties by the inputs of the model, within the tolerances of the
-    rig file and as the fit leaves them.
+    `measured` and `as_given` are (L, 14); `parts` and their standard uncertainties `u` (L, k + 2,
+    14) are those of k causes, of tolerances and residual. `by_model` (L, k, 14) is what each cause
+    changes by the model, whether the log can give the quantity or not. `u_input` (L, 2, 14) are
+    standard uncertainties by the inputs of the model, within the tolerances of the rig file and as
+    the fit leaves them.
     """
 
     measured: Signal
@@ -89,9 +95,9 @@ class Accounts(NamedTuple):
 class Variants(NamedTuple):
     """Every model that the accounts need, as nuisances and effects, and its model of every log.
 
-    In a row: subsets of the causes; all causes with one field after the other moved; all causes with the fitted nuisances; the
-    same, one nuisance after the other moved. The fields belong to the causes `owners`, are at `places` of all fields of the
-    fit, and move by `steps`.
+    In a row: subsets of the causes; all causes with one field after the other moved; all causes
+    with the fitted nuisances; the same, one nuisance after the other moved. The fields belong to
+    the causes `owners`, are at `places` of all fields of the fit, and move by `steps`.
     """
 
     given: list[tuple[Signal, Sequence[ActiveEffect]]]
@@ -105,28 +111,47 @@ def variants_of(data: Fitted, suspects: Suspects, best: Fit, names: Names) -> Va
     """List the models that the accounts of a fit with some of its causes need."""
     acting = dict(zip(best.names, best.effects(suspects), strict=True))
     nominal, everything = np.zeros_like(best.nu), [acting[name] for name in names]
-    subsets = [[one for bit, one in enumerate(everything) if subset >> bit & 1] for subset in subsets_of(len(names))]
+    subsets = [
+        [one for bit, one in enumerate(everything) if subset >> bit & 1]
+        for subset in subsets_of(len(names))
+    ]
     together: list[Sequence[ActiveEffect]] = []
     fields: list[tuple[int, int, float]] = []
     for owner, name in enumerate(names):
         own = best.place[name]
-        for place, (moved, step) in enumerate(varied(suspects[name], best.x[own], MOVED), own.start):
+        for place, (moved, step) in enumerate(
+            varied(suspects[name], best.x[own], MOVED), own.start
+        ):
             together.append([moved if one is acting[name] else one for one in everything])
             fields.append((owner, place, step))
     given = [(nominal, effects) for effects in (*subsets, *together)]
-    given += [(best.nu + shift, everything) for shift in (nominal, *np.eye(best.nu.size)[: data.simulated])]
+    given += [
+        (best.nu + shift, everything)
+        for shift in (nominal, *np.eye(best.nu.size)[: data.simulated])
+    ]
     owners, places, steps = ([field[k] for field in fields] for k in range(3))
     return Variants(
-        given, [data.models(*one) for one in given], [*map(int, owners)], [*map(int, places)], np.array(steps)
+        given,
+        [data.models(*one) for one in given],
+        [*map(int, owners)],
+        [*map(int, places)],
+        np.array(steps),
     )
 
 
 def account_of(
-    data: Fitted, one: WindowedLog, variants: Variants, covariance: Signal, of_inputs: Signal, causes: int
+    data: Fitted,
+    one: WindowedLog,
+    variants: Variants,
+    covariance: Signal,
+    of_inputs: Signal,
+    causes: int,
 ) -> Accounts:
-    """Split the difference between the model of the rig file and one run among causes, tolerances and residual; L is 1.
+    """Split the difference between the model of the rig file and one run among causes, tolerances
+    and residual; L is 1.
 
-    A contribution moves with a field of its cause as all causes together do, and has the error of a drawn split.
+    A contribution moves with a field of its cause as all causes together do, and has the error of a
+    drawn split.
 
     Parameters
     ----------
@@ -145,13 +170,20 @@ def account_of(
     slopes[-1, variants.places] = -by_field
     slopes[-1] -= slopes[-2]
     u = np.sqrt(np.maximum(np.sum(slopes * (covariance @ slopes), axis=1), 0.0))
-    by_input = np.where([n.kind in INPUTS for n in data.nuisances[: data.simulated]], 1.0, 0.0)[:, None]
+    by_input = np.where([n.kind in INPUTS for n in data.nuisances[: data.simulated]], 1.0, 0.0)[
+        :, None
+    ]
     by_input = by_input * (fitted[1:] - fitted[0])
     after = np.zeros_like(slopes[0])
     after[variants.places] = by_field
     after[first : first + data.simulated] = by_input
-    u_input = np.sqrt(np.maximum([np.sum(by_input**2, axis=0), np.sum(after * (of_inputs @ after), axis=0)], 0.0))
-    (shares, drawn), measured = split(subsets, causes), quantities_of(one.log.run, one.rig, one.windows)
+    u_input = np.sqrt(
+        np.maximum([np.sum(by_input**2, axis=0), np.sum(after * (of_inputs @ after), axis=0)], 0.0)
+    )
+    (shares, drawn), measured = (
+        split(subsets, causes),
+        quantities_of(one.log.run, one.rig, one.windows),
+    )
     u[:causes] = np.hypot(u[:causes], drawn)
     missing = np.where(np.isnan(measured + fitted[0]), math.nan, 0.0)
     parts = np.vstack([shares, fitted[0] - subsets[-1], measured - fitted[0]])
@@ -160,7 +192,9 @@ def account_of(
 
 
 def _values(data: Fitted, one: WindowedLog, variants: Variants) -> Signal:
-    """Quantities of one run by every variant, (variants, 14); what does not concern the run is not simulated again."""
+    """Quantities of one run by every variant, (variants, 14); what does not concern the run is
+    not simulated again.
+    """
     known: dict[bytes, list[tuple[Model, Signal]]] = {}
     found, models = [], [of_logs[one.number] for of_logs in variants.models]
     for (nu, _), model in zip(variants.given, models, strict=True):
@@ -175,8 +209,13 @@ def _values(data: Fitted, one: WindowedLog, variants: Variants) -> Signal:
 
 
 def _by_zeros(data: Fitted, one: WindowedLog, variants: Variants, fitted: Signal) -> Signal:
-    """What one uncertainty of each zero moves with all causes and nuisances as `fitted`, (n, 14); 0 for other nuisances."""
-    nu, model = variants.given[-1 - data.simulated][0], variants.models[-1 - data.simulated][one.number]
+    """What one uncertainty of each zero moves with all causes and nuisances as `fitted`, (n,
+    14); 0 for other nuisances.
+    """
+    nu, model = (
+        variants.given[-1 - data.simulated][0],
+        variants.models[-1 - data.simulated][one.number],
+    )
     found = np.zeros((nu.size, len(QUANTITIES)))
     for j, n in enumerate(data.nuisances):
         if n.kind == "zero" and n.log == one.number:
@@ -186,10 +225,11 @@ def _by_zeros(data: Fitted, one: WindowedLog, variants: Variants, fitted: Signal
     return found
 
 
-# ----------------------------------------------------------------------------------------------- all runs of a campaign
+# ------------------------------------------------------------------------- all runs of a campaign
 def joint_covariance(found: Found, fit: Fit | None = None) -> Signal:
-    """Covariance of all fields of a fit, the best one by default, and then of its nuisances, (k + n, k + n): these follow the
-    fields, and scatter about that as the data and their tolerances leave them.
+    """Covariance of all fields of a fit, the best one by default, and then of its nuisances, (k +
+    n, k + n): these follow the fields, and scatter about that as the data and their tolerances
+    leave them.
     """
     fit, marginal = fit or found.best, found.marginal
     if fit is found.best:
@@ -203,12 +243,15 @@ def joint_covariance(found: Found, fit: Fit | None = None) -> Signal:
 
 
 def covariance_without(data: Fitted, found: Found, load: float) -> Signal:
-    """Covariance as `joint_covariance` gives it, of a fit without the logs of a load [ohm]: what these determine is added.
+    """Covariance as `joint_covariance` gives it, of a fit without the logs of a load [ohm]: what
+    these determine is added.
 
     What concerns one log alone stays as it is known, and a field at a bound stays there.
     """
     best, loads = found.best, np.repeat([log.load for log in data.logs], data.sizes)
-    fields = -found.marginal.undone(found.expansion.columns[:, found.expansion.index(best.names)]) * inside_of(best)
+    fields = -found.marginal.undone(
+        found.expansion.columns[:, found.expansion.index(best.names)]
+    ) * inside_of(best)
     of_a_log = np.zeros(best.x.size, dtype=bool)
     for name, effect in zip(best.names, best.effects(found.problem.suspects), strict=True):
         of_a_log[best.place[name]] = log_of(effect) >= 0
@@ -216,12 +259,17 @@ def covariance_without(data: Fitted, found: Found, load: float) -> Signal:
 
     def left_by(blocks: Mask) -> Signal:
         rows = np.repeat(blocks.astype(np.float64), len(CHANNELS))
-        own, others = np.where(of_a_log, fields, fields * rows[:, None]), found.marginal.columns.masked(rows)
+        own, others = (
+            np.where(of_a_log, fields, fields * rows[:, None]),
+            found.marginal.columns.masked(rows),
+        )
         across = others.onto(own)
         information = np.block([[own.T @ own, across.T], [across, others.squared()]])
         return np.asarray(np.linalg.inv(information / found.scale + prior))
 
-    return joint_covariance(found) + left_by(loads != load) - left_by(np.ones(loads.size, dtype=bool))
+    return (
+        joint_covariance(found) + left_by(loads != load) - left_by(np.ones(loads.size, dtype=bool))
+    )
 
 
 def contributions_of(
@@ -231,10 +279,12 @@ def contributions_of(
     windows: Sequence[float | None] | None = None,
     held_out: Collection[int] = (),
 ) -> tuple[tuple[Contribution, ...], dict[str, list[LargestChange]], Signal]:
-    """Split every metric of every run among the causes that are named, tolerances and residual, the parts in this order.
+    """Split every metric of every run among the causes that are named, tolerances and residual, the
+    parts in this order.
 
-    Also what each cause changes of each efficiency of each run by the model, whether the log can give that or not, and the
-    uncertainties of the quantities by the inputs of the model, as in `Accounts`.
+    Also what each cause changes of each efficiency of each run by the model, whether the log can
+    give that or not, and the uncertainties of the quantities by the inputs of the model, as in
+    `Accounts`.
 
     Parameters
     ----------
@@ -244,7 +294,10 @@ def contributions_of(
     """
     names, suspects = tuple(cause.effect for cause in causes), found.problem.suspects
     covariance, variants = joint_covariance(found), variants_of(data, suspects, found.best, names)
-    without_load = {load: covariance_without(data, found, load) for load in {data.logs[k].load for k in held_out}}
+    without_load = {
+        load: covariance_without(data, found, load)
+        for load in {data.logs[k].load for k in held_out}
+    }
 
     def account(number: int, window: float | None) -> tuple[WindowedLog, Accounts]:
         one = windowed(data, number, window)
@@ -259,7 +312,9 @@ def contributions_of(
     )
     loaded = np.array([math.isfinite(one.log.run.load or math.inf) for one in logs])
     u = with_uncertain_laws(accounts, loaded, data.rig.model.discrepancy)
-    kinds: list[tuple[str | None, ContributionKind]] = [(name, kind_of(suspects[name])) for name in names]
+    kinds: list[tuple[str | None, ContributionKind]] = [
+        (name, kind_of(suspects[name])) for name in names
+    ]
     kinds += [(None, "tolerances"), (None, "residual")]
     recorded = [
         Contribution(
@@ -270,7 +325,9 @@ def contributions_of(
             as_given=float(accounts.as_given[row, k]),
             measured=float(accounts.measured[row, k]),
             parts=tuple(
-                ContributionPart(*kinds[part], value, value - COVERED * spread, value + COVERED * spread)
+                ContributionPart(
+                    *kinds[part], value, value - COVERED * spread, value + COVERED * spread
+                )
                 for part, (value, spread) in enumerate(
                     zip(accounts.parts[row, :, k].tolist(), u[row, :, k].tolist(), strict=True)
                 )
@@ -283,7 +340,11 @@ def contributions_of(
     ]
     changes = {
         name: [
-            LargestChange(metric, float(accounts.by_model[row, cause, QUANTITIES.index(metric)]), load=one.log.run.load)
+            LargestChange(
+                metric,
+                float(accounts.by_model[row, cause, QUANTITIES.index(metric)]),
+                load=one.log.run.load,
+            )
             for row, one in enumerate(logs)
             for metric in EFFICIENCIES
             if np.isfinite(accounts.by_model[row, cause, QUANTITIES.index(metric)])
@@ -294,11 +355,12 @@ def contributions_of(
 
 
 def with_uncertain_laws(accounts: Accounts, loaded: Mask, discrepancy: float) -> Signal:
-    """Standard uncertainties of the parts of every run, (L, k + 2, 14), those of the causes with that of their laws, too.
+    """Standard uncertainties of the parts of every run, (L, k + 2, 14), those of the causes with
+    that of their laws, too.
 
-    It is a share of the largest contribution of the cause, relative to the quantity, in any run with a load; for a run
-    without one, in any of these. A law errs also where the contribution passes zero. A share of the
-    discrepancy of the model is added.
+    It is a share of the largest contribution of the cause, relative to the quantity, in any run
+    with a load; for a run without one, in any of these. A law errs also where the contribution
+    passes zero. A share of the discrepancy of the model is added.
 
     Parameters
     ----------
@@ -333,13 +395,19 @@ def efficiency_changes(
         before, after = (one.simulated(own[k], data.skew(nu), data.zeros(nu)[k]) for own in models)
         for metric in EFFICIENCIES:
             change = float((after - before)[QUANTITIES.index(metric)])
-            found += [LargestChange(metric, change, load=one.log.run.load)] if math.isfinite(change) else []
+            found += (
+                [LargestChange(metric, change, load=one.log.run.load)]
+                if math.isfinite(change)
+                else []
+            )
     return found
 
 
 def kind_of(effect: Effect) -> ContributionKind:
     """Whether an effect costs energy, changes only what is read, or is a wrong entry."""
-    return "sensor" if effect.stage == "sensor" else "entry" if effect.stage == "entry" else "physical"
+    return (
+        "sensor" if effect.stage == "sensor" else "entry" if effect.stage == "entry" else "physical"
+    )
 
 
 EFFICIENCIES = ("eta_pto", "eta_gen", "eta_trans")
@@ -354,11 +422,18 @@ def leading_metric(contributions: Sequence[Contribution]) -> str | None:
 
 def loaded_part(contributions: Sequence[Contribution], metric: str | None) -> list[Contribution]:
     """Contributions to one metric of the runs with a load that have it."""
-    return [one for one in contributions if one.metric == metric and one.parts and math.isfinite(one.load or math.inf)]
+    return [
+        one
+        for one in contributions
+        if one.metric == metric and one.parts and math.isfinite(one.load or math.inf)
+    ]
 
 
-def by_cost(causes: Sequence[NamedCause], contributions: Sequence[Contribution]) -> tuple[NamedCause, ...]:
-    """Causes in the order of what they change in eta_pto, on average over the loaded runs, the largest first; entries lead.
+def by_cost(
+    causes: Sequence[NamedCause], contributions: Sequence[Contribution]
+) -> tuple[NamedCause, ...]:
+    """Causes in the order of what they change in eta_pto, on average over the loaded runs, the
+    largest first; entries lead.
 
     Without eta_pto another efficiency decides; without any the order stays.
     """
@@ -367,38 +442,58 @@ def by_cost(causes: Sequence[NamedCause], contributions: Sequence[Contribution])
         for part in one.parts:
             cost.setdefault(part.effect, []).append(part.value)
     mean = {name: abs(sum(values) / len(values)) for name, values in cost.items()}
-    return tuple(sorted(causes, key=lambda cause: (cause.stage != "entry", -mean.get(cause.effect, 0.0))))
+    return tuple(
+        sorted(causes, key=lambda cause: (cause.stage != "entry", -mean.get(cause.effect, 0.0)))
+    )
 
 
 def without(
-    contributions: Sequence[Contribution], effects: Collection[str], among: ContributionKind = "tolerances"
+    contributions: Sequence[Contribution],
+    effects: Collection[str],
+    among: ContributionKind = "tolerances",
 ) -> tuple[Contribution, ...]:
-    """Contributions in which the parts of some effects, which are no causes, count among another kind of parts."""
+    """Contributions in which the parts of some effects, which are no causes, count among another
+    kind of parts.
+    """
     if not effects:
         return tuple(contributions)
-    return tuple(msgspec.structs.replace(one, parts=_joined(one.parts, effects, among)) for one in contributions)
+    return tuple(
+        msgspec.structs.replace(one, parts=_joined(one.parts, effects, among))
+        for one in contributions
+    )
 
 
 def _joined(
     parts: Sequence[ContributionPart], effects: Collection[str], among: ContributionKind
 ) -> tuple[ContributionPart, ...]:
-    """Parts with those of some effects joined to the part of another kind, their half-widths in quadrature."""
+    """Parts with those of some effects joined to the part of another kind, their half-widths in
+    quadrature.
+    """
     joined = [part for part in parts if part.effect in effects or part.kind == among]
     value = sum(part.value for part in joined)
     half = math.hypot(*(0.5 * (part.high - part.low) for part in joined))
     return tuple(
-        msgspec.structs.replace(part, value=value, low=value - half, high=value + half) if part.kind == among else part
+        msgspec.structs.replace(part, value=value, low=value - half, high=value + half)
+        if part.kind == among
+        else part
         for part in parts
         if part.effect not in effects
     )
 
 
-def reordered(contributions: Sequence[Contribution], causes: Sequence[NamedCause]) -> tuple[Contribution, ...]:
-    """Contributions whose parts follow the order of the causes, then tolerances and what follows them."""
+def reordered(
+    contributions: Sequence[Contribution], causes: Sequence[NamedCause]
+) -> tuple[Contribution, ...]:
+    """Contributions whose parts follow the order of the causes, then tolerances and what follows
+    them.
+    """
     place = {cause.effect: k for k, cause in enumerate(causes)}
     return tuple(
         msgspec.structs.replace(
-            one, parts=tuple(sorted(one.parts, key=lambda part: place.get(part.effect or "", len(place))))
+            one,
+            parts=tuple(
+                sorted(one.parts, key=lambda part: place.get(part.effect or "", len(place)))
+            ),
         )
         for one in contributions
     )
@@ -410,7 +505,8 @@ def from_own_simulation(
     simulations: Sequence[Run],
     windows: Sequence[float | None] | None = None,
 ) -> tuple[Contribution, ...]:
-    """Contributions that lead from an own simulation to the runs: what the model of the rig has beyond it is a part, too.
+    """Contributions that lead from an own simulation to the runs: what the model of the rig has
+    beyond it is a part, too.
 
     Parameters
     ----------
@@ -418,14 +514,18 @@ def from_own_simulation(
     simulations : of each run, at the stamps of its log
     windows : as for `contributions_of`
     """
-    settings = zip(data.logs, simulations, windows or [None] * len(data.logs), data.cycles, strict=True)
+    settings = zip(
+        data.logs, simulations, windows or [None] * len(data.logs), data.cycles, strict=True
+    )
     given = {
         (number, quantity): float(value)
         for number, (log, simulation, window, span) in enumerate(settings)
         for quantity, value in zip(
             QUANTITIES,
             quantities_of(
-                _along(log.run, simulation), data.rig, windows_of(complete_cycles(log.run, data.rig, window, span))
+                _along(log.run, simulation),
+                data.rig,
+                windows_of(complete_cycles(log.run, data.rig, window, span)),
             ),
             strict=True,
         )
@@ -434,13 +534,17 @@ def from_own_simulation(
 
 
 def _along(run: Run, simulation: Run) -> Run:
-    """A log with the channels of its simulation, so that both have the same windows; without those that either lacks."""
+    """A log with the channels of its simulation, so that both have the same windows; without
+    those that either lacks.
+    """
     both = {name: x for name, x in simulation.channels.items() if name in run.channels}
     return msgspec.structs.replace(run, channels=both | {"velocity": run.channels["velocity"]})
 
 
 def _from(one: Contribution, given: float) -> Contribution:
-    """A contribution from another value than that of the rig file; the difference becomes a part before the residual."""
+    """A contribution from another value than that of the rig file; the difference becomes a part
+    before the residual.
+    """
     if not one.parts or not math.isfinite(given):
         return msgspec.structs.replace(one, as_given=math.nan, measured=math.nan, parts=())
     *parts, residual = one.parts

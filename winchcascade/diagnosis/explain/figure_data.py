@@ -1,4 +1,6 @@
-"""What figures and tables of a diagnosis show: block means before and after the causes, one cycle, the roll-off, costs."""
+"""What figures and tables of a diagnosis show: block means before and after the causes, one
+cycle, the roll-off, costs.
+"""
 
 from __future__ import annotations
 
@@ -27,13 +29,17 @@ SIDES = ["logged", "before", "after"]
 """Columns of a table of blocks: as logged, and as simulated before and after the causes."""
 
 SPEED_BIN = 0.07
-"""Width of the bins of generator speed in which block means are averaged, over the largest speed of the campaign. [1]"""
+"""Width of the bins of generator speed in which block means are averaged, over the largest speed
+of the campaign. [1]
+"""
 
 TOP_SHARE = 0.9
 """Braking begins after the last block with this share of a payout's top speed. [1]"""
 
 LEAD, TAIL = 0.1, 0.05
-"""Time before the onset of a cycle and after its haul-in that belongs to it here, over the time of a stroke. [1]"""
+"""Time before the onset of a cycle and after its haul-in that belongs to it here, over the time
+of a stroke. [1]
+"""
 
 ROLLOFF = "ke_rolloff"
 
@@ -47,11 +53,13 @@ def by_load(found: ModelDiagnosis) -> list[int]:
 
 
 def block_table(found: ModelDiagnosis) -> pd.DataFrame:
-    """Block means of a diagnosed campaign: one row for each block and channel that depends on the model there.
+    """Block means of a diagnosed campaign: one row for each block and channel that depends on the
+    model there.
 
-    Columns are `log` (its number), `cycle`, `phase` (a number), `channel`, `t` (middle of the block) [s], `rpm` that the line
-    gives while the clutch is engaged, `noise` (one standard deviation of the mean) and `SIDES`, SI units. The zeros of each log
-    are estimated alike on either side. `after` comes from fits without the log, where there are such; NaN without causes.
+    Columns are `log` (its number), `cycle`, `phase` (a number), `channel`, `t` (middle of the
+    block) [s], `rpm` that the line gives while the clutch is engaged, `noise` (one standard
+    deviation of the mean) and `SIDES`, SI units. The zeros of each log are estimated alike on
+    either side. `after` comes from fits without the log, where there are such; NaN without causes.
     """
     import pandas as pd
 
@@ -61,13 +69,17 @@ def block_table(found: ModelDiagnosis) -> pd.DataFrame:
     if found.causes:
         after = logged - data.without_zeros(logged - found.fitted_blocks)
     if found.causes and found.closure is not None:
-        after = np.where(np.isfinite(found.closure.residual[:, :1]), logged - found.closure.residual, after)
+        after = np.where(
+            np.isfinite(found.closure.residual[:, :1]), logged - found.closure.residual, after
+        )
     logs = [(log.run, log.course.blocks) for log in data.logs]
     where = {
         "log": np.repeat(np.arange(len(logs)), data.sizes),
         "cycle": np.concatenate([blocks.cycle for _, blocks in logs]),
         "phase": data.blocks.phase,
-        "t": np.concatenate([0.5 * (run.t[blocks.start] + run.t[blocks.stop - 1]) for run, blocks in logs]),
+        "t": np.concatenate(
+            [0.5 * (run.t[blocks.start] + run.t[blocks.stop - 1]) for run, blocks in logs]
+        ),
         "rpm": np.concatenate([blocks.mean(run.channels["velocity"]) for run, blocks in logs])
         * (found.rig.rpm_per_velocity or math.nan),
     }
@@ -84,7 +96,8 @@ def block_table(found: ModelDiagnosis) -> pd.DataFrame:
 
 
 def means_over_speed(table: pd.DataFrame, log: int, channels: Sequence[str]) -> pd.DataFrame:
-    """Average a channel of the payouts of a log, or the product of several, in bins of generator speed, until braking.
+    """Average a channel of the payouts of a log, or the product of several, in bins of generator
+    speed, until braking.
 
     Braking gives energy back that the machine stores.
 
@@ -92,20 +105,30 @@ def means_over_speed(table: pd.DataFrame, log: int, channels: Sequence[str]) -> 
     -------
     Columns `rpm` and `SIDES`, a row for each bin.
     """
-    own = table[(table.log == log) & (table.phase == PAYOUT) & table.channel.isin(channels) & (table.rpm > 0.0)]
+    own = table[
+        (table.log == log)
+        & (table.phase == PAYOUT)
+        & table.channel.isin(channels)
+        & (table.rpm > 0.0)
+    ]
     blocks = own.groupby(["cycle", "t", "rpm"])[SIDES].prod(min_count=len(channels)).reset_index()
     near_top = blocks[blocks.rpm >= TOP_SHARE * blocks.groupby("cycle").rpm.transform("max")]
-    blocks = blocks[(blocks.t <= blocks.cycle.map(near_top.groupby("cycle").t.max())) & blocks.logged.notna()]
-    return blocks.groupby(np.floor(blocks.rpm / (SPEED_BIN * table.rpm.max())))[["rpm", *SIDES]].mean()
+    blocks = blocks[
+        (blocks.t <= blocks.cycle.map(near_top.groupby("cycle").t.max())) & blocks.logged.notna()
+    ]
+    return blocks.groupby(np.floor(blocks.rpm / (SPEED_BIN * table.rpm.max())))[
+        ["rpm", *SIDES]
+    ].mean()
 
 
-# ------------------------------------------------------------------------------------------------------ one cycle in full
+# ------------------------------------------------------------------------------ one cycle in full
 class SimulatedCycle(NamedTuple):
-    """One cycle of one run: numbers of both, its onset on the clock of the log [s], and the end of its payout since then [s].
+    """One cycle of one run: numbers of both, its onset on the clock of the log [s], and the end of
+    its payout since then [s].
 
-    `t` (n,) are instants since the onset [s]; `sides`, (n, 5) each, are columns of `CHANNELS`, SI units, NaN where the run has
-    no such channel: logged, without the zeros of the sensors that the joint fit estimates, by the baseline and, where effects
-    were fitted, with these.
+    `t` (n,) are instants since the onset [s]; `sides`, (n, 5) each, are columns of `CHANNELS`, SI
+    units, NaN where the run has no such channel: logged, without the zeros of the sensors that the
+    joint fit estimates, by the baseline and, where effects were fitted, with these.
     """
 
     log: int
@@ -117,8 +140,12 @@ class SimulatedCycle(NamedTuple):
 
 
 def largest_gap(found: ModelDiagnosis, table: pd.DataFrame) -> SimulatedCycle | None:
-    """The cycle with the largest mean square of the gap of the baseline over its noise; None where no run has a payout."""
-    gap = table.assign(square=((table.logged - table.before) / table.noise.where(table.noise > 0.0, 1.0)) ** 2)
+    """The cycle with the largest mean square of the gap of the baseline over its noise; None
+    where no run has a payout.
+    """
+    gap = table.assign(
+        square=((table.logged - table.before) / table.noise.where(table.noise > 0.0, 1.0)) ** 2
+    )
     gaps = gap[gap.cycle > 0].groupby(["log", "cycle"]).square.mean()
     if gaps.empty:
         return None
@@ -140,7 +167,9 @@ def largest_gap(found: ModelDiagnosis, table: pd.DataFrame) -> SimulatedCycle | 
     if found.causes:
         sides.append(_at_samples(found, log, nu, fitted=True))
     payout_end = float(run.t[blocks.stop[out[-1]] - 1]) - onset
-    return SimulatedCycle(log, cycle, onset, payout_end, run.t[rows] - onset, [side[rows] for side in sides])
+    return SimulatedCycle(
+        log, cycle, onset, payout_end, run.t[rows] - onset, [side[rows] for side in sides]
+    )
 
 
 def _columns(channels: Mapping[str, Signal], t: Signal) -> Signal:
@@ -149,19 +178,22 @@ def _columns(channels: Mapping[str, Signal], t: Signal) -> Signal:
 
 
 def _at_samples(found: ModelDiagnosis, log: int, nu: Signal, *, fitted: bool) -> Signal:
-    """Channels of a run by the model at its samples, (n, 5) SI units, with the effects of the fit or without any."""
+    """Channels of a run by the model at its samples, (n, 5) SI units, with the effects of the
+    fit or without any.
+    """
     data, course = found.data, found.data.logs[log].course
     effects = found.found.best.effects(found.suspects) if fitted else []
     return course.at_stamps(course.on_grid(data.models(nu, effects)[log], skew=data.skew(nu)))
 
 
-# ------------------------------------------------------------------------------------------------------- the roll-off
+# ----------------------------------------------------------------------------------- the roll-off
 def profile_of(found: ModelDiagnosis) -> Signal | None:
     """The roll-off as far as the stator current reaches, None where it is no cause (Fig. 18e).
 
     Returns
     -------
-    (4, n) stator current [A rms], the share of the back-EMF constant that remains, and its 95 % band.
+    (4, n) stator current [A rms], the share of the back-EMF constant that remains, and its 95 %
+    band.
     """
     data, best = found.data, found.found.best
     if ROLLOFF not in best.names or all(cause.effect != ROLLOFF for cause in found.causes):
@@ -169,10 +201,14 @@ def profile_of(found: ModelDiagnosis) -> Signal | None:
     place = best.place[ROLLOFF]
     fitted = best.x[place]
     covariance = posterior_of(found.found, best).covariance[place, place]
-    drawn = np.random.default_rng(0).multivariate_normal(fitted, covariance, DRAWS, check_valid="ignore", method="eigh")
+    drawn = np.random.default_rng(0).multivariate_normal(
+        fitted, covariance, DRAWS, check_valid="ignore", method="eigh"
+    )
     rated = data.nominal.generator.i_rated
     reached = ROLLOFF_KNOTS[1] * rated
-    for log, model in zip(data.logs, data.models(best.nu, best.effects(found.suspects)), strict=True):
+    for log, model in zip(
+        data.logs, data.models(best.nu, best.effects(found.suspects)), strict=True
+    ):
         if math.isfinite(log.load):
             currents = log.course.block_mean(
                 log.course.electrical(constants(model, log.load, log.course.coarse.rest), "i_s")
@@ -185,9 +221,10 @@ def profile_of(found: ModelDiagnosis) -> Signal | None:
     return np.array([current, line, low, high])
 
 
-# ---------------------------------------------------------------------------------------------- what each cause costs
+# -------------------------------------------------------------------------- what each cause costs
 def load_costs(found: ModelDiagnosis, metric: str | None) -> list[Contribution]:
-    """The split of an efficiency at every load, from the largest resistance to the smallest: means of its runs [%, points].
+    """The split of an efficiency at every load, from the largest resistance to the smallest: means
+    of its runs [%, points].
 
     The errors of runs of one load are mostly the same, so the bounds of a part are means too.
     """
@@ -203,7 +240,9 @@ def _mean_costs(runs: Sequence[Contribution]) -> Contribution:
         return 100.0 * float(np.mean([getattr(one, name) for one in alike]))
 
     parts = tuple(
-        msgspec.structs.replace(part[0], value=mean(part, "value"), low=mean(part, "low"), high=mean(part, "high"))
+        msgspec.structs.replace(
+            part[0], value=mean(part, "value"), low=mean(part, "low"), high=mean(part, "high")
+        )
         for part in zip(*(run.parts for run in runs), strict=True)
     )
     return msgspec.structs.replace(
@@ -212,14 +251,18 @@ def _mean_costs(runs: Sequence[Contribution]) -> Contribution:
 
 
 def mean_costs(found: DiagnosisResult) -> Contribution | None:
-    """The split of the leading efficiency, by which causes are ordered, as a mean over all runs with a load [%, points]."""
+    """The split of the leading efficiency, by which causes are ordered, as a mean over all runs
+    with a load [%, points].
+    """
     given = found.contributions if isinstance(found, ModelDiagnosis) else ()
     runs = loaded_part(given, leading_metric(given))
     return _mean_costs(runs) if runs else None
 
 
 def worst_costs(found: DiagnosisResult) -> Contribution | None:
-    """The split of the leading efficiency at the load at which model and run differ most [%, points]; None without one."""
+    """The split of the leading efficiency at the load at which model and run differ most [%,
+    points]; None without one.
+    """
     if not isinstance(found, ModelDiagnosis):
         return None
     table = load_costs(found, leading_metric(found.contributions))

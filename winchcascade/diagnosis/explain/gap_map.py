@@ -1,8 +1,9 @@
 """The map of a gap: from end to end and stage by stage, and where on it the gap lies and arises.
 
-From end to end the motion of the line alone drives the model, and an error upstream shows downstream too. Stage by stage each
-stage has its own measured inputs, so that an error upstream neither hides nor imitates one: `rig.stages` predicts its output.
-The laws of the stages are quasi-static, so their residual on the simulation along the same motion is subtracted.
+From end to end the motion of the line alone drives the model, and an error upstream shows
+downstream too. Stage by stage each stage has its own measured inputs, so that an error upstream
+neither hides nor imitates one: `rig.stages` predicts its output. The laws of the stages are
+quasi-static, so their residual on the simulation along the same motion is subtracted.
 """
 
 from __future__ import annotations
@@ -48,22 +49,30 @@ STAGE_OF = {
 """Stage whose output a channel is."""
 
 STANDS_OUT = 4.0
-"""A bias is significant beyond this many standard uncertainties of noise, repeatability and tolerance."""
+"""A bias is significant beyond this many standard uncertainties of noise, repeatability and
+tolerance.
+"""
 
 EDGE = 0.02
 """Share of the significant blocks that a region leaves out at either end."""
 
 LARGEST = 0.975
-"""Quantile of the differences of the significant blocks that counts as the largest: single blocks may be disturbed."""
+"""Quantile of the differences of the significant blocks that counts as the largest: single
+blocks may be disturbed.
+"""
 
 WHOLE = 0.99
-"""Minimum share of the samples of a block that its stage predicts: otherwise a clutch that lets go would enter at the edges."""
+"""Minimum share of the samples of a block that its stage predicts: otherwise a clutch that lets
+go would enter at the edges.
+"""
 
 MODELLED, READ = ("rig", "law", "load"), ("zero", "gain", "timing")
 """Kinds of nuisances that change the model, and that change what a sensor reads."""
 
 
-def weigh(residual: Signal, cycle: NDArray[np.intp], noise: Signal, u_zero: float, tolerances: Signal) -> Place:
+def weigh(
+    residual: Signal, cycle: NDArray[np.intp], noise: Signal, u_zero: float, tolerances: Signal
+) -> Place:
     """Weigh the bias of some blocks of one phase, in the unit of their channel.
 
     Parameters
@@ -105,7 +114,13 @@ def compare(data: Fitted, predicted: Signal, tolerances: Signal) -> tuple[Place,
     tolerances = np.concatenate((tolerances, data.discrepancies()), axis=2)
     return tuple(
         msgspec.structs.replace(
-            weigh(residual[here, k], cycle[here], data.noise[here, k], u_zero[log, k], tolerances[here, k]),
+            weigh(
+                residual[here, k],
+                cycle[here],
+                data.noise[here, k],
+                u_zero[log, k],
+                tolerances[here, k],
+            ),
             channel=CHANNELS[k],
             phase=PHASES[phase],
             log=log,
@@ -116,9 +131,11 @@ def compare(data: Fitted, predicted: Signal, tolerances: Signal) -> tuple[Place,
     )
 
 
-# ------------------------------------------------------------------------------------------------------- stage by stage
+# --------------------------------------------------------------------------------- stage by stage
 def stagewise(data: Fitted) -> tuple[Place, ...]:
-    """Compare every stage with what it makes of its own measured inputs, by the model of the rig file."""
+    """Compare every stage with what it makes of its own measured inputs, by the model of the rig
+    file.
+    """
     one = np.eye(len(data.nuisances))
     moved = {j: data.models(one[j], []) for j, n in enumerate(data.nuisances) if n.kind in MODELLED}
     spread = data.discrepancies()
@@ -134,8 +151,10 @@ def _of_a_log(data: Fitted, number: int, moved: Mapping[int, Model], spread: Sig
 
     Parameters
     ----------
-    moved : models of the log, each with one nuisance moved by one standard uncertainty, by the number of the nuisance
-    spread : (m, 5, courses) standard deviation of the discrepancy of the model in its blocks, SI units
+    moved : models of the log, each with one nuisance moved by one standard uncertainty, by the
+        number of the nuisance
+    spread : (m, 5, courses) standard deviation of the discrepancy of the model in its blocks, SI
+        units
     """
     log, model = data.logs[number], data.nominal
     course, (run, blocks) = log.course, _thinned(log)
@@ -163,11 +182,15 @@ def _of_a_log(data: Fitted, number: int, moved: Mapping[int, Model], spread: Sig
 
 
 SAMPLES = 11.0
-"""Samples of a ramp with which stages are compared: more of them in a block tell no more of its mean. [1]"""
+"""Samples of a ramp with which stages are compared: more of them in a block tell no more of its
+mean. [1]
+"""
 
 
 def _thinned(log: Log) -> tuple[Run, Blocks]:
-    """A log and its blocks with means over so many samples that `SAMPLES` of a ramp remain; a coarse log as it is."""
+    """A log and its blocks with means over so many samples that `SAMPLES` of a ramp remain; a
+    coarse log as it is.
+    """
     run, blocks = log.run, log.course.blocks
     every = int(run.fs * log.course.scale.ramp / SAMPLES)
     if every < 2:
@@ -178,7 +201,9 @@ def _thinned(log: Log) -> tuple[Run, Blocks]:
         return np.asarray(x[:whole].reshape(-1, every).mean(axis=1))
 
     channels = {name: mean(x) for name, x in run.channels.items()}
-    thinned = msgspec.structs.replace(run, t=mean(run.t), channels=channels, fs=run.fs / every, gaps={})
+    thinned = msgspec.structs.replace(
+        run, t=mean(run.t), channels=channels, fs=run.fs / every, gaps={}
+    )
     start = np.minimum(-(-blocks.start // every), whole // every - 1)
     stop = np.clip(blocks.stop // every, start + 1, None)
     return thinned, msgspec.structs.replace(blocks, start=start, stop=stop)
@@ -222,15 +247,22 @@ def _places(
     share = blocks.mean(np.isfinite(gap).astype(np.float64))
 
     def mean(x: Signal) -> Signal:
-        return blocks.mean(np.where(np.isfinite(gap) & np.isfinite(x), x, 0.0)) / np.maximum(share, 1e-9)
+        return blocks.mean(np.where(np.isfinite(gap) & np.isfinite(x), x, 0.0)) / np.maximum(
+            share, 1e-9
+        )
 
-    residual, moved = mean(gap), {n: mean(x) for n, x in changes.items() if np.any(np.nan_to_num(x))}
+    residual, moved = (
+        mean(gap),
+        {n: mean(x) for n, x in changes.items() if np.any(np.nan_to_num(x))},
+    )
     for phase, name in enumerate(PHASES):
         here = (share >= WHOLE) & (blocks.phase == phase)
         if np.count_nonzero(here) < 2:
             continue
         zeros = [float(np.mean(x[here])) for n, x in moved.items() if n.kind == "zero"]
-        others = np.column_stack([of_model[here], *(x[here] for n, x in moved.items() if n.kind != "zero")])
+        others = np.column_stack(
+            [of_model[here], *(x[here] for n, x in moved.items() if n.kind != "zero")]
+        )
         noise = _noise(run, blocks, output, here, residual)
         yield msgspec.structs.replace(
             weigh(residual[here], blocks.cycle[here], noise, math.hypot(*zeros), others),
@@ -243,19 +275,22 @@ def _places(
 
 
 def _noise(run: Run, blocks: Blocks, output: StageOutput, here: Mask, residual: Signal) -> Signal:
-    """Standard deviation of the mean of each block in one phase, (k,) for the k blocks that are `here`.
+    """Standard deviation of the mean of each block in one phase, (k,) for the k blocks that are
+    `here`.
 
-    The scatter from block to block, of output and inputs alike; at least the white noise of the sensor of the output, and in a
-    log without noise `NOISELESS`.
+    The scatter from block to block, of output and inputs alike; at least the white noise of the
+    sensor of the output, and in a log without noise `NOISELESS`.
     """
     white = white_noise(run.channels[output.channel]) / np.sqrt(blocks.count[here])
     minimum = NOISELESS * float(np.nanmax(np.abs(output.predicted))) if run.simulated else 0.0
     return np.maximum(np.fmax(white, scatter_about_course(blocks, residual, here)), minimum)
 
 
-# ------------------------------------------------------------------------------------------------ where it lies and arises
+# ----------------------------------------------------------------------- where it lies and arises
 def arises(places: Sequence[Place]) -> tuple[Place, ...]:
-    """The worst place of each stage that deviates by itself in the map of `stagewise`, the worst of all first."""
+    """The worst place of each stage that deviates by itself in the map of `stagewise`, the worst
+    of all first.
+    """
     worst: dict[str, Place] = {}
     for place in sorted(places, key=lambda p: -abs(p.z)):
         if abs(place.z) > STANDS_OUT:
@@ -264,7 +299,9 @@ def arises(places: Sequence[Place]) -> tuple[Place, ...]:
 
 
 def deviating_stage(own: Sequence[Place]) -> str | None:
-    """Stage of the catalogue that deviates most by itself, None where none does; load and bridge make one module there."""
+    """Stage of the catalogue that deviates most by itself, None where none does; load and bridge
+    make one module there.
+    """
     return {"load": "generator"}.get(own[0].stage, own[0].stage) if own else None
 
 
@@ -281,21 +318,31 @@ def locate(
     ----------
     residual : (M, 5) measured minus simulated blocks, zeros taken off
     places : the map of the gap
-    stage : of its main cause, or the one that deviates by itself, where either is known; else the one of the largest deviation
+    stage : of its main cause, or the one that deviates by itself, where either is known; else the
+        one of the largest deviation
     own : where it arises stage by stage
     """
     channels = {p.channel for p in places if abs(p.z) > STANDS_OUT and STAGE_OF[p.channel] == stage}
-    worst = max((p for p in places if not channels or p.channel in channels), key=lambda p: abs(p.z))
+    worst = max(
+        (p for p in places if not channels or p.channel in channels), key=lambda p: abs(p.z)
+    )
     k, phase = CHANNELS.index(worst.channel), PHASES.index(worst.phase)
     here = data.seen[:, k] & (data.blocks.phase == phase)
     far = here & (np.abs(residual[:, k]) > STANDS_OUT * data.noise[:, k])
     far = far if far.any() else here
-    velocity = np.concatenate([log.course.blocks.mean(log.run.channels["velocity"]) for log in data.logs])
-    speed, current = velocity * (data.rig.rpm_per_velocity or math.nan), data.measured[:, CHANNELS.index("idc")]
+    velocity = np.concatenate(
+        [log.course.blocks.mean(log.run.channels["velocity"]) for log in data.logs]
+    )
+    speed, current = (
+        velocity * (data.rig.rpm_per_velocity or math.nan),
+        data.measured[:, CHANNELS.index("idc")],
+    )
     gaps = residual[far, k]
     side = math.copysign(1.0, worst.bias)
     size = float(side * np.quantile(side * gaps, LARGEST))
-    return Where(stage or STAGE_OF[worst.channel], worst, _span(speed[far]), _span(current[far]), size, own)
+    return Where(
+        stage or STAGE_OF[worst.channel], worst, _span(speed[far]), _span(current[far]), size, own
+    )
 
 
 def _span(values: Signal) -> tuple[float, float]:

@@ -1,4 +1,6 @@
-"""A log beside the simulation of its rig along the same line motion: curves, differences, loss budget (Figs 13 to 17)."""
+"""A log beside the simulation of its rig along the same line motion: curves, differences, loss
+budget (Figs 13 to 17).
+"""
 
 from __future__ import annotations
 
@@ -26,10 +28,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 LONGEST = 20.0
-"""Longest part of a log that is simulated, over the time of a stroke: as many of its first complete cycles as it holds. [1]"""
+"""Longest part of a log that is simulated, over the time of a stroke: as many of its first
+complete cycles as it holds. [1]
+"""
 
 LEAD = 0.2
-"""A part of a log begins before its first onset and ends after its last cycle by this, over the time of a stroke. [1]"""
+"""A part of a log begins before its first onset and ends after its last cycle by this, over the
+time of a stroke. [1]
+"""
 
 BINS = 40
 """Maximum number of bins of a curve, which its markers show one by one."""
@@ -38,10 +44,14 @@ MIN_BIN_SAMPLES = 3
 """Minimum number of samples of a bin, or the number of cycles where these are fewer."""
 
 FAINT = 0.02
-"""Nothing is divided by a mean below this share of the maximum: a ratio of two noises has no meaning. [1]"""
+"""Nothing is divided by a mean below this share of the maximum: a ratio of two noises has no
+meaning. [1]
+"""
 
 COMPARED = {"torque": 1.0, "vdc": 1.0, "idc": 1.0, "pressure": 1.0 / KGCM2, "force": 1.0}
-"""Channels whose differences are kept, and the factor that turns SI units into kg/cm2 for the pressure."""
+"""Channels whose differences are kept, and the factor that turns SI units into kg/cm2 for the
+pressure.
+"""
 
 HAUL_IN = "pressure_haul_in_kgcm2"
 """Curve of the pressure while the line is hauled in, beside that of the payouts."""
@@ -61,7 +71,9 @@ RATIOS = {"resistance_ohm": ("vdc_v", "idc_a"), "eta_gen": ("output_w", "input_w
 
 
 class ComparedCurve(msgspec.Struct, frozen=True):
-    """Means of log and simulation over the same samples, bin by bin of `x`: displacement, velocity or generator speed."""
+    """Means of log and simulation over the same samples, bin by bin of `x`: displacement,
+    velocity or generator speed.
+    """
 
     x: tuple[float, ...]
     log: tuple[float, ...]
@@ -69,21 +81,26 @@ class ComparedCurve(msgspec.Struct, frozen=True):
 
 
 class ChannelDifference(msgspec.Struct, frozen=True):
-    """Log minus simulation of one channel over the payouts: mean and root mean square, SI units or kg/cm2."""
+    """Log minus simulation of one channel over the payouts: mean and root mean square, SI units
+    or kg/cm2.
+    """
 
     bias: float
     rms: float
 
 
 GROUPS = {booked.group: booked.about for entry, booked in LEDGER.items() if entry != "line"}
-"""Groups of entries of the ledger that are shown together, from the DC link back to the line, and what they are."""
+"""Groups of entries of the ledger that are shown together, from the DC link back to the line,
+and what they are.
+"""
 
 
 class LossBudget(msgspec.Struct, frozen=True):
-    """Where the energy of the line goes in a simulation: means over the windows of the compared cycles [J].
+    """Where the energy of the line goes in a simulation: means over the windows of the compared
+    cycles [J].
 
-    `line` and each of `GROUPS`, and `mech`, what of it reaches the torque sensor. `log` holds the energies that the log gives,
-    by stage: line, mech, gen.
+    `line` and each of `GROUPS`, and `mech`, what of it reaches the torque sensor. `log` holds the
+    energies that the log gives, by stage: line, mech, gen.
     """
 
     line: float
@@ -100,8 +117,9 @@ class LossBudget(msgspec.Struct, frozen=True):
 class Account(msgspec.Struct, frozen=True, omit_defaults=True):
     """All that is kept of one comparison; `why` is the reason if there is none.
 
-    `word` is what the log is called, `effects` are those that the rig file states, `cycles` of `total` complete cycles are
-    compared, `rated` is the generator's speed [rpm], `gear` its speed over that of the drum.
+    `word` is what the log is called, `effects` are those that the rig file states, `cycles` of
+    `total` complete cycles are compared, `rated` is the generator's speed [rpm], `gear` its speed
+    over that of the drum.
     """
 
     why: str = ""
@@ -118,7 +136,9 @@ class Account(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class SimulatedLog(NamedTuple):
-    """The first complete cycles of a log, the part of it that holds them, and its simulation at the same stamps."""
+    """The first complete cycles of a log, the part of it that holds them, and its simulation at
+    the same stamps.
+    """
 
     run: Run
     rig: Rig
@@ -148,7 +168,9 @@ def modelled(reduction: Reduction) -> Account:
 
 
 def simulated_log(reduction: Reduction) -> SimulatedLog | str:
-    """Simulate a log with the numbers of its rig file and the effects that it states; else the reason, in one sentence."""
+    """Simulate a log with the numbers of its rig file and the effects that it states; else the
+    reason, in one sentence.
+    """
     model, run, complete = model_of(reduction.rig), reduction.run, reduction.complete
     if "velocity" not in run.channels:
         return "the log has no line velocity, which drives a simulation."
@@ -161,7 +183,9 @@ def simulated_log(reduction: Reduction) -> SimulatedLog | str:
     cycles = tuple(c for c in complete if _end(c) - complete[0].phases.onset <= longest)
     if not cycles:
         return f"no complete cycle ends within {longest:.3g} s of its onset, the longest that is simulated."
-    first, last = np.searchsorted(run.t, (cycles[0].phases.onset - lead, _end(cycles[-1]) + lead)).tolist()
+    first, last = np.searchsorted(
+        run.t, (cycles[0].phases.onset - lead, _end(cycles[-1]) + lead)
+    ).tolist()
     channels = {name: x[first:last] for name, x in run.channels.items()}
     run = msgspec.structs.replace(run, t=run.t[first:last], channels=channels, samples=last - first)
     try:
@@ -180,16 +204,20 @@ def _end(cycle: CycleResult) -> float:
 
 
 def sample_table(found: SimulatedLog) -> pd.DataFrame:
-    """Samples of a log: what curves are over, SI units and rpm, and which samples count; bridged ones do not.
+    """Samples of a log: what curves are over, SI units and rpm, and which samples count; bridged
+    ones do not.
 
-    `payout` and `haul_in` are those of the cycles, `driven` those of a payout before braking while the clutch drives the
-    generator, `moving` both of the latter.
+    `payout` and `haul_in` are those of the cycles, `driven` those of a payout before braking while
+    the clutch drives the generator, `moving` both of the latter.
     """
     import pandas as pd
 
     run, phases = found.run, [c.phases for c in found.cycles]
     plateaus = [c.summary.payout.plateau for c in found.cycles]
-    braking = [p.payout_end if flat is None else flat.braking for p, flat in zip(phases, plateaus, strict=True)]
+    braking = [
+        p.payout_end if flat is None else flat.braking
+        for p, flat in zip(phases, plateaus, strict=True)
+    ]
     whole = ~within(run.t, all_gaps(run, tuple(run.channels)))
     driven = engaged(run, phases, plateaus, found.rig) & whole
     driven &= within(run.t, [(p.onset, end) for p, end in zip(phases, braking, strict=True)])
@@ -217,7 +245,9 @@ def within(t: Signal, spans: Iterable[Sequence[float]] | Signal) -> Mask:
 
 
 def _differences(found: SimulatedLog, payout: Mask) -> dict[str, ChannelDifference]:
-    """Log minus simulation over the payouts, channel by channel; torque and Idc not in open circuit."""
+    """Log minus simulation over the payouts, channel by channel; torque and Idc not in open
+    circuit.
+    """
     run, model = found.run.channels, found.simulation.run.channels
     left_out = ("torque", "idc") if found.run.open_circuit else ()
     apart = {
@@ -225,14 +255,18 @@ def _differences(found: SimulatedLog, payout: Mask) -> dict[str, ChannelDifferen
         for name, factor in COMPARED.items()
         if name in run and name not in left_out and payout.any()
     }
-    return {name: ChannelDifference(float(np.mean(x)), float(np.sqrt(np.mean(x**2)))) for name, x in apart.items()}
+    return {
+        name: ChannelDifference(float(np.mean(x)), float(np.sqrt(np.mean(x**2))))
+        for name, x in apart.items()
+    }
 
 
 def quantities(found: SimulatedLog, run: Run) -> dict[str, Signal]:
     """Channels and powers of the log or of its simulation that are compared, (n,) each by name.
 
-    The loss is P_mech - P_gen (Eq. 11) less what goes into rotor, shaft and capacitor while the speed changes, with the numbers
-    of the model: without this a machine that speeds up would seem to lose what it stores.
+    The loss is P_mech - P_gen (Eq. 11) less what goes into rotor, shaft and capacitor while the
+    speed changes, with the numbers of the model: without this a machine that speeds up would seem
+    to lose what it stores.
     """
     channels, shaft = run.channels, found.simulation.model.drivetrain
     names = (("torque_nm", "torque"), ("vdc_v", "vdc"), ("idc_a", "idc"), ("force_n", "force"))
@@ -244,7 +278,10 @@ def quantities(found: SimulatedLog, run: Run) -> dict[str, Signal]:
         columns["power_gen_w"] = gen
     if mech is not None and gen is not None:
         numbers = shaft.inertia_rotor, shaft.k_shaft, found.simulation.model.dc_link.c_dc
-        stored = {name: of(slice(0, run.t.size)) for name, of in stored_powers(run, found.rig, *numbers).items()}
+        stored = {
+            name: of(slice(0, run.t.size))
+            for name, of in stored_powers(run, found.rig, *numbers).items()
+        }
         columns["input_w"] = mech - stored["rotor"] - stored.get("spring", 0.0)
         columns["output_w"] = gen + stored["capacitor"]
         columns["loss_w"] = columns["input_w"] - columns["output_w"]
@@ -252,13 +289,16 @@ def quantities(found: SimulatedLog, run: Run) -> dict[str, Signal]:
 
 
 def _curves(found: SimulatedLog, samples: pd.DataFrame) -> dict[str, ComparedCurve]:
-    """Curves of Figs 13 to 17 that a log has the channels for; in open circuit those that mean something there.
+    """Curves of Figs 13 to 17 that a log has the channels for; in open circuit those that mean
+    something there.
 
     Each is of means in bins of what it is over; bins of few samples are left out.
     """
     import pandas as pd
 
-    log, simulated = (pd.DataFrame(quantities(found, run)) for run in (found.run, found.simulation.run))
+    log, simulated = (
+        pd.DataFrame(quantities(found, run)) for run in (found.run, found.simulation.run)
+    )
     minimum, curves = min(MIN_BIN_SAMPLES, len(found.cycles)), {}
     for name in (name for name in CURVES if not (found.run.open_circuit and name in LOADED)):
         over, here = CURVES[name]
@@ -268,14 +308,20 @@ def _curves(found: SimulatedLog, samples: pd.DataFrame) -> dict[str, ComparedCur
         x = samples[over][rows]
         least = bin_width(found.rig, float(x.max())) if over == "rpm" else 1e-9
         width = max(least, float(np.ptp(x)) / BINS)
-        bins = pd.concat([x, *(side.loc[rows, list(columns)] for side in (log, simulated))], axis=1).groupby(
-            np.floor(x / width)
-        )
+        bins = pd.concat(
+            [x, *(side.loc[rows, list(columns)] for side in (log, simulated))], axis=1
+        ).groupby(np.floor(x / width))
         means = bins.mean()[bins.size() >= minimum].to_numpy().T
-        curve = means if len(columns) == 1 else np.array([means[0], _ratio(*means[1:3]), _ratio(*means[3:5])])
+        curve = (
+            means
+            if len(columns) == 1
+            else np.array([means[0], _ratio(*means[1:3]), _ratio(*means[3:5])])
+        )
         known = curve[:, np.isfinite(curve).all(axis=0)]
         if known.size:
-            curves[name] = ComparedCurve(*(tuple(float(f"{value:.5g}") for value in row) for row in known.tolist()))
+            curves[name] = ComparedCurve(
+                *(tuple(float(f"{value:.5g}") for value in row) for row in known.tolist())
+            )
     return curves
 
 
@@ -285,13 +331,20 @@ def _ratio(above: Signal, below: Signal) -> Signal:
 
 
 def _budget(found: SimulatedLog) -> LossBudget | None:
-    """Book the energy of a simulation between onset and cutoff of each cycle, as a mean over the cycles."""
+    """Book the energy of a simulation between onset and cutoff of each cycle, as a mean over the
+    cycles.
+    """
     t, ends = found.run.t, np.array([(c.window.onset, c.window.cutoff) for c in found.cycles]).T
-    booked = {name: np.diff(np.interp(ends, t, x), axis=0) for name, x in found.simulation.energy.items()}
+    booked = {
+        name: np.diff(np.interp(ends, t, x), axis=0) for name, x in found.simulation.energy.items()
+    }
     joule = {name: float(np.mean(x)) for name, x in booked.items()}
     if joule["line"] <= 0.0:
         return None
-    groups = {name: sum(joule[entry] for entry, of in LEDGER.items() if of.group == name) for name in GROUPS}
+    groups = {
+        name: sum(joule[entry] for entry, of in LEDGER.items() if of.group == name)
+        for name in GROUPS
+    }
     logged = {
         stage: [x for c in found.cycles if (x := c.metrics[f"energy_{stage}"]) is not None]
         for stage in (("line",) if found.run.open_circuit else ("line", "mech", "gen"))
@@ -300,5 +353,7 @@ def _budget(found: SimulatedLog) -> LossBudget | None:
         line=joule["line"],
         groups=groups,
         mech=joule["line"] - sum(joule[entry] for entry, of in LEDGER.items() if of.before),
-        log={stage: float(np.mean(x)) for stage, x in logged.items() if len(x) == len(found.cycles)},
+        log={
+            stage: float(np.mean(x)) for stage, x in logged.items() if len(x) == len(found.cycles)
+        },
     )

@@ -1,4 +1,6 @@
-"""Motions of runs that are planned: a cycle of one payout at a load and speed, as those of a campaign."""
+"""Motions of runs that are planned: a cycle of one payout at a load and speed, as those of a
+campaign.
+"""
 
 from __future__ import annotations
 
@@ -16,23 +18,32 @@ if TYPE_CHECKING:
 
 
 RAMP, HOLD, REST, BACK, SHORTEST = 0.15, 0.4, 0.2, 0.6, 0.01
-"""Ramps of a planned run, hold after its payout, rests before and after, over the time of a stroke; its haul-in as a share
-of the payout speed, and the shortest plateau or ramp over that time. [1]"""
+"""Ramps of a planned run, hold after its payout, rests before and after, over the time of a stroke;
+its haul-in as a share of the payout speed, and the shortest plateau or ramp over that time. [1]"""
 
 PLATEAU, WITHIN_RAMP = 0.97, (0.05, 0.95)
-"""Quantile of the velocity of a payout that is the speed of its plateau, and shares of that between which its ramp is timed."""
+"""Quantile of the velocity of a payout that is the speed of its plateau, and shares of that
+between which its ramp is timed.
+"""
 
 
 class Usual(NamedTuple):
-    """Payouts of a campaign: fastest plateau at each load [ohm: m/s], median travel [m] and median time of a ramp [s]."""
+    """Payouts of a campaign: fastest plateau at each load [ohm: m/s], median travel [m] and
+    median time of a ramp [s].
+    """
 
     fastest: dict[float, float]
     length: float
     ramp: float
 
     def fastest_at(self, load: float) -> float:
-        """Fastest plateau of the logs at a load; at one that was not run, within the speed and the current of all. [m/s]"""
-        top, current = max(self.fastest.values()), max(v / other for other, v in self.fastest.items())
+        """Fastest plateau of the logs at a load; at one that was not run, within the speed and
+        the current of all. [m/s]
+        """
+        top, current = (
+            max(self.fastest.values()),
+            max(v / other for other, v in self.fastest.items()),
+        )
         within = min(top, current * load) if current > 0.0 and load < math.inf else top
         return self.fastest.get(load, within)
 
@@ -82,4 +93,11 @@ def planned(load: float, speed: float, length: float, time: float, rate: float) 
     """
     corners = cycle_of(speed, length, time)
     t = np.arange(0.0, corners[0][-1], 1.0 / rate)
-    return Run(name="planned", t=t, channels={"velocity": np.interp(t, *corners)}, fs=rate, samples=t.size, load=load)
+    return Run(
+        name="planned",
+        t=t,
+        channels={"velocity": np.interp(t, *corners)},
+        fs=rate,
+        samples=t.size,
+        load=load,
+    )

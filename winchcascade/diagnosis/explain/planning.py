@@ -1,7 +1,9 @@
-"""How well planned runs distinguish two explanations of the same data, or determine numbers, and the next run of a campaign.
+"""How well planned runs distinguish two explanations of the same data, or determine numbers, and
+the next run of a campaign.
 
-A planned run is one trapezoid out and one back with the noise of the campaign. It is laid out as a fit lays out any log, so
-that all nuisances of a fit take part. What the logs so far leave open is their prior; the information of several runs adds up.
+A planned run is one trapezoid out and one back with the noise of the campaign. It is laid out as a
+fit lays out any log, so that all nuisances of a fit take part. What the logs so far leave open is
+their prior; the information of several runs adds up.
 """
 
 from __future__ import annotations
@@ -43,11 +45,15 @@ if TYPE_CHECKING:
 
 
 SPEEDS, LOADS = (0.6, 1.0), 5
-"""Plateau speeds that are tried, as shares of the fastest at the load, and maximum number of loads. [1]"""
+"""Plateau speeds that are tried, as shares of the fastest at the load, and maximum number of
+loads. [1]
+"""
 
 
 FEW, AWAY = 3, 2.0
-"""Number of loads of a campaign below which other ones are tried, and the factor by which these lie outside. [1]"""
+"""Number of loads of a campaign below which other ones are tried, and the factor by which these
+lie outside. [1]
+"""
 
 
 STEP = 0.02
@@ -63,7 +69,9 @@ CLEAR = 3.0
 
 
 PAIRS = 3
-"""Maximum number of pairs of look-alikes for which a run is looked for, until one is found that separates them."""
+"""Maximum number of pairs of look-alikes for which a run is looked for, until one is found that
+separates them.
+"""
 
 
 Place = Literal["first", "any", "last"]
@@ -71,7 +79,9 @@ Place = Literal["first", "any", "last"]
 
 
 class PlannedRun(msgspec.Struct, frozen=True):
-    """A run to be made: load [ohm], speed of the plateau [m/s], number of cycles, and its place among the runs."""
+    """A run to be made: load [ohm], speed of the plateau [m/s], number of cycles, and its place
+    among the runs.
+    """
 
     load: float
     speed: float
@@ -79,7 +89,7 @@ class PlannedRun(msgspec.Struct, frozen=True):
     place: Place = "any"
 
 
-# ------------------------------------------------------------------------------------------------------------ planned runs
+# ----------------------------------------------------------------------------------- planned runs
 class Setting(NamedTuple):
     """How runs are made on a rig.
 
@@ -102,14 +112,16 @@ class Setting(NamedTuple):
 
 
 SAMPLE_NOISE = 0.002
-"""Noise of a sample before a campaign, as a share of the largest value of the channel in all runs. Assumed. [1]"""
+"""Noise of a sample before a campaign, as a share of the largest value of the channel in all
+runs. Assumed. [1]
+"""
 
 
 class Prospect(NamedTuple):
     """Runs that may be made, as logs of a fit, and what they share with the logs so far.
 
-    `carried` (q, n) are nuisances of the runs, in their units, over those of the logs so far; what concerns one log alone is
-    none of these. `places` are those of the runs among all.
+    `carried` (q, n) are nuisances of the runs, in their units, over those of the logs so far; what
+    concerns one log alone is none of these. `places` are those of the runs among all.
     """
 
     runs: Fitted
@@ -118,10 +130,14 @@ class Prospect(NamedTuple):
 
     def acting(self, one: Explanation) -> tuple[Signal, dict[str, ActiveEffect]]:
         """Nuisances of the runs (q,), and the effects as they act there, by name."""
-        return self.carried @ one.nu, {name: self.placed(effect) for name, effect in one.effects.items()}
+        return self.carried @ one.nu, {
+            name: self.placed(effect) for name, effect in one.effects.items()
+        }
 
     def carried_beside(self, fields: int) -> Signal:
-        """Fields of an explanation, and then nuisances of the runs, over those of the logs so far."""
+        """Fields of an explanation, and then nuisances of the runs, over those of the logs so
+        far.
+        """
         count, known = self.carried.shape
         carried = np.eye(fields + count, fields + known)
         carried[fields:, fields:] = self.carried
@@ -148,10 +164,13 @@ def prospect_of(setting: Setting, options: Sequence[PlannedRun]) -> Prospect:
     """
     made = [one.run for one in simulated(setting, options)]
     noise = setting.noise or {
-        name: SAMPLE_NOISE * max(float(np.max(np.abs(run.channels[name]))) for run in made) for name in made[0].channels
+        name: SAMPLE_NOISE * max(float(np.max(np.abs(run.channels[name]))) for run in made)
+        for name in made[0].channels
     }
     if noise.get("vdc", 1.0) == 0.0:
-        raise OptionError("no planned run is fast enough for a voltage at the DC link; expected faster ones.")
+        raise OptionError(
+            "no planned run is fast enough for a voltage at the DC link; expected faster ones."
+        )
     data = setting.data
     noisy = [_with_noise(run, noise, setting.rig) for run in made]
     runs = Fitted(noisy, setting.rig, scales=None if data is None else data.scales)
@@ -169,7 +188,9 @@ def prospect_of(setting: Setting, options: Sequence[PlannedRun]) -> Prospect:
 def simulated(setting: Setting, options: Sequence[PlannedRun]) -> list[Simulation]:
     """Runs as the rig would make them, by sensors without errors."""
     motion, model = (setting.length, setting.time, setting.rate), setting.model.physics
-    return all_at_once([partial(simulate, planned(one.load, one.speed, *motion), model) for one in options])
+    return all_at_once(
+        [partial(simulate, planned(one.load, one.speed, *motion), model) for one in options]
+    )
 
 
 def _key(n: Nuisance) -> tuple[str, ...]:
@@ -178,34 +199,47 @@ def _key(n: Nuisance) -> tuple[str, ...]:
 
 
 def _rated(rig: Rig, run: Simulation) -> float:
-    """Share of the speed of a run at which the generator is within its rated speed and current, where these are stated. [1]"""
+    """Share of the speed of a run at which the generator is within its rated speed and current,
+    where these are stated. [1]
+    """
     reached = (
         (rig.generator.speed_rated, float(np.max(run.rpm_gen)) / RPM),
         (rig.generator.i_rated, float(np.max(run.i_s))),
     )
-    return min([1.0, *(limit.value / most for limit, most in reached if limit is not None and most > 0.0)])
+    return min(
+        [1.0, *(limit.value / most for limit, most in reached if limit is not None and most > 0.0)]
+    )
 
 
 def _with_noise(run: Run, noise: Mapping[str, float], rig: Rig) -> Run:
     """A simulated run as it would be logged: with the channels whose noise of a sample is known."""
     rng = np.random.default_rng(SEED)
-    channels = {name: x + rng.normal(0.0, noise[name], x.size) for name, x in run.channels.items() if name in noise}
+    channels = {
+        name: x + rng.normal(0.0, noise[name], x.size)
+        for name, x in run.channels.items()
+        if name in noise
+    }
     return msgspec.structs.replace(run, channels=channels, simulated=False, rig=rig)
 
 
 def _place(data: Fitted | None, option: PlannedRun) -> RunPlace:
-    """The place of a run among the others; before a campaign it is made cold, or as warm as the machine becomes."""
+    """The place of a run among the others; before a campaign it is made cold, or as warm as the
+    machine becomes.
+    """
     if data is None:
         return RunPlace(RunOrder((0.0, 1.0), (1.0, 1.0)), int(option.place != "first"))
     order = data.order
-    known = [heat for heat, log in zip(order.heat, data.logs, strict=True) if log.load == option.load]
+    known = [
+        heat for heat, log in zip(order.heat, data.logs, strict=True) if log.load == option.load
+    ]
     return RunPlace(order.with_run(float(np.mean(known or order.heat))), len(order.heat))
 
 
-# ----------------------------------------------------------------------------------------------------- what runs will tell
+# ---------------------------------------------------------------------------- what runs will tell
 class Explanation(NamedTuple):
-    """Effects that explain the logs so far, by name, the nuisances that go with them (n,), in units of their tolerance, and the
-    covariance of the fields of the effects and then of the nuisances, (k + n, k + n).
+    """Effects that explain the logs so far, by name, the nuisances that go with them (n,), in units
+    of their tolerance, and the covariance of the fields of the effects and then of the nuisances,
+    (k + n, k + n).
     """
 
     effects: Mapping[str, ActiveEffect]
@@ -222,30 +256,41 @@ def explanation_of(found: Found, fit: Fit) -> Explanation:
 class Foreseen(NamedTuple):
     """What each of R planned runs will tell, beside unit priors of p numbers that are open.
 
-    `told` (R, 1 + p, 1 + p) are what the blocks tell of another explanation and of the open numbers: the squared distance of
-    the explanation, that of the numbers towards it, and their information. `root` (k + q, p) are fields of the explanation and
-    nuisances of the runs over the open numbers.
+    `told` (R, 1 + p, 1 + p) are what the blocks tell of another explanation and of the open
+    numbers: the squared distance of the explanation, that of the numbers towards it, and their
+    information. `root` (k + q, p) are fields of the explanation and nuisances of the runs over the
+    open numbers.
     """
 
     told: Signal
     root: Signal
 
     def separation(self, chosen: Sequence[int]) -> float:
-        """Standard deviations between the two explanations after some runs, to which the one has adapted."""
+        """Standard deviations between the two explanations after some runs, to which the one has
+        adapted.
+        """
         told = self.told[list(chosen)].sum(axis=0)
         pull, known = told[1:, 0], np.eye(len(told) - 1) + told[1:, 1:]
         return math.sqrt(max(float(told[0, 0] - pull @ np.linalg.solve(known, pull)), 0.0))
 
     def variance(self, chosen: Sequence[int], gradient: Signal) -> Signal:
-        """Variance of numbers after some runs, (m,), by their derivative over fields and nuisances, (k + q, m)."""
+        """Variance of numbers after some runs, (m,), by their derivative over fields and
+        nuisances, (k + q, m).
+        """
         told, ways = self.told[list(chosen)].sum(axis=0), self.root.T @ gradient
-        return np.asarray(np.sum(ways * np.linalg.solve(np.eye(len(ways)) + told[1:, 1:], ways), axis=0))
+        return np.asarray(
+            np.sum(ways * np.linalg.solve(np.eye(len(ways)) + told[1:, 1:], ways), axis=0)
+        )
 
 
-def foresee(prospect: Prospect, known: Explanation, true: Explanation | None = None, scale: float = 1.0) -> Foreseen:
-    """What planned runs will tell an explanation: of its numbers, and of itself where another one is true.
+def foresee(
+    prospect: Prospect, known: Explanation, true: Explanation | None = None, scale: float = 1.0
+) -> Foreseen:
+    """What planned runs will tell an explanation: of its numbers, and of itself where another one
+    is true.
 
-    The zeros of the sensors, and by how much an effect deviates from its law, are those of the run alone: integrated out.
+    The zeros of the sensors, and by how much an effect deviates from its law, are those of the run
+    alone: integrated out.
 
     Parameters
     ----------
@@ -277,14 +322,18 @@ def _without(acting: Mapping[str, ActiveEffect], name: str) -> list[ActiveEffect
 
 
 def _of_laws(runs: Fitted, nu: Signal, acting: Mapping[str, ActiveEffect]) -> tuple[Signal, Signal]:
-    """Blocks of runs, (M, 5) in SI units, and what the deviation of each effect from its law moves, whitened, (M * 5, k)."""
+    """Blocks of runs, (M, 5) in SI units, and what the deviation of each effect from its law
+    moves, whitened, (M * 5, k).
+    """
     at = runs.predict(nu, list(acting.values()))
     lawful = [name for name, effect in acting.items() if effect.effect.entry is None]
     return at, _moved(runs, [((nu, _without(acting, name)), 1.0 / LAW) for name in lawful], at)
 
 
 def _moved(runs: Fitted, variants: Sequence[tuple[Variant, float]], at: Signal) -> Signal:
-    """Derivative of runs by variants, each with its step, whitened, (M * 5, k); of one that cannot be simulated none."""
+    """Derivative of runs by variants, each with its step, whitened, (M * 5, k); of one that
+    cannot be simulated none.
+    """
     if not variants:
         return np.zeros((at.size, 0))
     moved = runs.predictions([variant for variant, _ in variants]) - at[:, :, None]
@@ -293,9 +342,13 @@ def _moved(runs: Fitted, variants: Sequence[tuple[Variant, float]], at: Signal) 
 
 
 def _integrated(columns: Signal, own: Signal) -> Signal:
-    """Columns times each other, (k, k), where others, (n, q), with unit priors are integrated out."""
+    """Columns times each other, (k, k), where others, (n, q), with unit priors are integrated
+    out.
+    """
     across = own.T @ columns
-    return np.asarray(columns.T @ columns - across.T @ np.linalg.solve(np.eye(own.shape[1]) + own.T @ own, across))
+    return np.asarray(
+        columns.T @ columns - across.T @ np.linalg.solve(np.eye(own.shape[1]) + own.T @ own, across)
+    )
 
 
 def _root_of(covariance: Signal) -> Signal:
@@ -307,30 +360,51 @@ def _root_of(covariance: Signal) -> Signal:
     return np.asarray(sd[:, None] * ways[:, open_] * np.sqrt(square[open_]))
 
 
-# ----------------------------------------------------------------------------------------------- the next run of a campaign
+# --------------------------------------------------------------------- the next run of a campaign
 def options_after(
     data: Fitted, found: Found, loads: Sequence[float] = (), speeds: Sequence[float] = ()
 ) -> tuple[Setting, list[PlannedRun]] | None:
-    """Runs that may follow those of a campaign, each after all others; None where no log has a payout.
+    """Runs that may follow those of a campaign, each after all others; None where no log has a
+    payout.
 
-    At loads of the campaign, and where these are few at other ones, from the smallest to the largest, up to the fastest speed
-    that was reached there and to the rating of the machine, where no other loads [ohm] or speeds [m/s] are named.
+    At loads of the campaign, and where these are few at other ones, from the smallest to the
+    largest, up to the fastest speed that was reached there and to the rating of the machine, where
+    no other loads [ohm] or speeds [m/s] are named.
     """
     seen = usual(data)
     if seen is None:
         return None
-    model, time = data.model(found.best.nu, found.best.effects(found.problem.suspects)), data.scales.motion.time
-    setting = Setting(data.rig, model, seen.length, time, data.logs[0].run.fs, _noise_of(data), data)
+    model, time = (
+        data.model(found.best.nu, found.best.effects(found.problem.suspects)),
+        data.scales.motion.time,
+    )
+    setting = Setting(
+        data.rig, model, seen.length, time, data.logs[0].run.fs, _noise_of(data), data
+    )
     run_at = {log.load for log in data.logs}
     finite = [load for load in run_at if load < math.inf]
     few = {math.inf, AWAY * max(finite), min(finite) / AWAY} if 0 < len(finite) < FEW else set()
     tried = sorted(loads) or sorted(run_at | few)
-    evenly = np.linspace(0.0, len(tried) - 1.0, min(len(tried), len(loads) or LOADS)).round().astype(int).tolist()
+    evenly = (
+        np.linspace(0.0, len(tried) - 1.0, min(len(tried), len(loads) or LOADS))
+        .round()
+        .astype(int)
+        .tolist()
+    )
     fastest = [PlannedRun(tried[k], seen.fastest_at(tried[k])) for k in evenly]
     if speeds:
-        return setting, [PlannedRun(one.load, speed, place="last") for one in fastest for speed in speeds]
-    rated = [one.speed * _rated(data.rig, run) for one, run in zip(fastest, simulated(setting, fastest), strict=True)]
-    every = [(one.load, share * most) for one, most in zip(fastest, rated, strict=True) for share in SPEEDS]
+        return setting, [
+            PlannedRun(one.load, speed, place="last") for one in fastest for speed in speeds
+        ]
+    rated = [
+        one.speed * _rated(data.rig, run)
+        for one, run in zip(fastest, simulated(setting, fastest), strict=True)
+    ]
+    every = [
+        (one.load, share * most)
+        for one, most in zip(fastest, rated, strict=True)
+        for share in SPEEDS
+    ]
     return setting, [PlannedRun(*one, place="last") for one in every]
 
 
@@ -339,14 +413,18 @@ MOTION = ("velocity", "displacement")
 
 
 def _noise_of(data: Fitted) -> dict[str, float]:
-    """Noise of a sample of each channel of a campaign that makes its blocks as uncertain as they are, SI units."""
+    """Noise of a sample of each channel of a campaign that makes its blocks as uncertain as they
+    are, SI units.
+    """
     moves = {
-        name: [white_noise(log.run.channels[name]) for log in data.logs if name in log.run.channels] for name in MOTION
+        name: [white_noise(log.run.channels[name]) for log in data.logs if name in log.run.channels]
+        for name in MOTION
     }
     found = {name: float(np.median(each)) for name, each in moves.items() if each}
     for k, name in enumerate(CHANNELS):
         each = [
-            log.noise.own[log.noise.seen[:, k], k] * np.sqrt(log.course.blocks.count[log.noise.seen[:, k]])
+            log.noise.own[log.noise.seen[:, k], k]
+            * np.sqrt(log.course.blocks.count[log.noise.seen[:, k]])
             for log in data.logs
         ]
         if any(one.size for one in each):
@@ -359,7 +437,8 @@ Pairs = list[tuple[str, str]]
 
 
 def listed(found: Found, causes: Sequence[NamedCause]) -> tuple[Pairs, Pairs]:
-    """Pairs that a page lists: those that runs may distinguish, and those of which the logs know one combination alone.
+    """Pairs that a page lists: those that runs may distinguish, and those of which the logs know
+    one combination alone.
 
     Whether a load of one run is wrong is checked on the rig, not by a run.
     """
@@ -373,10 +452,11 @@ def listed(found: Found, causes: Sequence[NamedCause]) -> tuple[Pairs, Pairs]:
 
 
 def plan_run(data: Fitted, found: Found, causes: Sequence[NamedCause]) -> Experiment | None:
-    """Choose the run in which a cause and its look-alike differ most beyond what is uncertain and what the latter can adapt.
+    """Choose the run in which a cause and its look-alike differ most beyond what is uncertain and
+    what the latter can adapt.
 
-    The pair is the first listed one that a run separates clearly. Without any listed, it is the leading cause and the physical
-    suspect with the most evidence in its place.
+    The pair is the first listed one that a run separates clearly. Without any listed, it is the
+    leading cause and the physical suspect with the most evidence in its place.
     """
     pairs = listed(found, causes)[0][:PAIRS] or _unlisted(found, causes)
     choice = options_after(data, found) if pairs else None
@@ -397,12 +477,21 @@ def plan_run(data: Fitted, found: Found, causes: Sequence[NamedCause]) -> Experi
     drifts = any(found.problem.suspects[name].over_runs is not None for name in pair)
     again = next((log.run.name for log in data.logs if log.load == run.load), "") if drifts else ""
     return Experiment(
-        "cycle", run.speed, pair, z, load=run.load, length=setting.length, time=setting.time, repeats=again
+        "cycle",
+        run.speed,
+        pair,
+        z,
+        load=run.load,
+        length=setting.length,
+        time=setting.time,
+        repeats=again,
     )
 
 
 def _unlisted(found: Found, causes: Sequence[NamedCause]) -> Pairs:
-    """The leading cause that a run can test, and the physical suspect with the most evidence in its place."""
+    """The leading cause that a run can test, and the physical suspect with the most evidence in
+    its place.
+    """
     suspects, best = found.problem.suspects, found.best.names
     lead = next((one.effect for one in causes if suspects[one.effect].name != LOAD), None)
     if lead is None:
@@ -414,7 +503,11 @@ def _unlisted(found: Found, causes: Sequence[NamedCause]) -> Pairs:
 
 
 def foresee_pair(prospect: Prospect, found: Found, pair: tuple[str, str]) -> Foreseen:
-    """What runs will tell of two effects, one in place of the other, where the better one is true and the other adapts."""
+    """What runs will tell of two effects, one in place of the other, where the better one is
+    true and the other adapts.
+    """
     others = tuple(name for name in found.best.names if name not in pair)
     better, other = sorted((found.fit((*others, name)) for name in pair), key=lambda fit: fit.loss)
-    return foresee(prospect, explanation_of(found, other), explanation_of(found, better), found.scale)
+    return foresee(
+        prospect, explanation_of(found, other), explanation_of(found, better), found.scale
+    )

@@ -1,4 +1,6 @@
-"""The value of Shapley (1953): what each of several adds, averaged over the orders in which they may be added."""
+"""The value of Shapley (1953): what each of several adds, averaged over the orders in which they
+may be added.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +15,10 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Signal
 
 
-# ------------------------------------------------------------------------------------------------------- the split
+# -------------------------------------------------------------------------------------- the split
 def shapley(values: Signal) -> Signal:
-    """Split what all players reach among them by the mean of what each adds, over all orders of the players.
+    """Split what all players reach among them by the mean of what each adds, over all orders of the
+    players.
 
     Parameters
     ----------
@@ -37,7 +40,9 @@ def shapley(values: Signal) -> Signal:
     for player in range(count):
         without = subsets[subsets >> player & 1 == 0]
         weight = np.array([1.0 / (count * math.comb(count - 1, int(n))) for n in size[without]])
-        found[player] = np.tensordot(weight, values[without | 1 << player] - values[without], axes=1)
+        found[player] = np.tensordot(
+            weight, values[without | 1 << player] - values[without], axes=1
+        )
     return found
 
 
@@ -46,11 +51,15 @@ EXACT = 8
 
 
 PAIRS_OF_ORDERS = 16
-"""Number of orders of more causes that are drawn, each with its reverse: about as many subsets as the most of all. [1]"""
+"""Number of orders of more causes that are drawn, each with its reverse: about as many subsets
+as the most of all. [1]
+"""
 
 
 def orders_of(count: int) -> list[tuple[int, ...]]:
-    """Orders in which some players are added where their subsets are too many: drawn ones, each followed by its reverse."""
+    """Orders in which some players are added where their subsets are too many: drawn ones, each
+    followed by its reverse.
+    """
     drawn = np.random.default_rng(count)
     orders = [tuple(drawn.permutation(count).tolist()) for _ in range(PAIRS_OF_ORDERS)]
     return [each for order in orders for each in (order, order[::-1])]
@@ -66,14 +75,17 @@ def joined_by(order: Sequence[int]) -> list[int]:
 
 
 def subsets_of(count: int) -> list[int]:
-    """Subsets of some players whose values a split needs, as bits in rising order, from none to all."""
+    """Subsets of some players whose values a split needs, as bits in rising order, from none to
+    all.
+    """
     if count <= EXACT:
         return list(range(1 << count))
     return sorted({subset for order in orders_of(count) for subset in joined_by(order)})
 
 
 def split(values: Signal, count: int) -> tuple[Signal, Signal]:
-    """Split as `shapley` does, of more than `EXACT` players by drawn orders; with the standard error of that, (k, ...) each.
+    """Split as `shapley` does, of more than `EXACT` players by drawn orders; with the standard
+    error of that, (k, ...) each.
 
     Parameters
     ----------
@@ -85,6 +97,8 @@ def split(values: Signal, count: int) -> tuple[Signal, Signal]:
     row = {subset: k for k, subset in enumerate(subsets_of(count))}
     added = np.zeros((2 * PAIRS_OF_ORDERS, count, *values.shape[1:]))
     for k, order in enumerate(orders_of(count)):
-        added[k, list(order)] = np.diff(values[[row[subset] for subset in joined_by(order)]], axis=0)
+        added[k, list(order)] = np.diff(
+            values[[row[subset] for subset in joined_by(order)]], axis=0
+        )
     pairs = 0.5 * (added[::2] + added[1::2])
     return pairs.mean(axis=0), pairs.std(axis=0, ddof=1) / math.sqrt(PAIRS_OF_ORDERS)

@@ -19,15 +19,17 @@ if TYPE_CHECKING:
     from winchcascade.rig.effects.effect import ActiveEffect
 
 SURELY = 1.28
-"""Standard deviations by which noise may make an effect look smaller than it is: nine of ten are named then."""
+"""Standard deviations by which noise may make an effect look smaller than it is: nine of ten are
+named then.
+"""
 
 HALVINGS = 24
 """Rounds of halving in which the smallest share of a range is found."""
 
 
 class Threshold(msgspec.Struct, frozen=True):
-    """The size from which nine of ten effects would be named: `value` of the reported number in its `unit`, None where no
-    plausible one would be; at `absent` the effect is absent.
+    """The size from which nine of ten effects would be named: `value` of the reported number in its
+    `unit`, None where no plausible one would be; at `absent` the effect is absent.
     """
 
     effect: str
@@ -47,23 +49,33 @@ def thresholds(found: Found, relevance: Callable[[ActiveEffect], float]) -> tupl
 
     Parameters
     ----------
-    relevance : size of what an effect changes most, beside the best fit, in what the rig file calls relevant [1]
+    relevance : size of what an effect changes most, beside the best fit, in what the rig file calls
+        relevant [1]
     """
     rows = []
     for name, effect in found.problem.suspects.items():
         free, share = freedom(effect), _smallest_share(found.expansion, name)
-        way = np.where(free.high - free.absent >= free.absent - free.low, free.high, free.low) - free.absent
+        way = (
+            np.where(free.high - free.absent >= free.absent - free.low, free.high, free.low)
+            - free.absent
+        )
         absent, value = with_values(effect, free.absent).reported, None
         if share is not None:
             size = relevance(with_values(effect, free.absent + share * way))
             share = share / size if 0.0 < size < 1.0 else share
-            value = with_values(effect, free.absent + share * way).reported if size > 0.0 and share <= 1.0 else None
+            value = (
+                with_values(effect, free.absent + share * way).reported
+                if size > 0.0 and share <= 1.0
+                else None
+            )
         rows.append(Threshold(name, absent, value, effect.unit))
     return tuple(rows)
 
 
 def _smallest_share(expansion: Expansion, name: str) -> float | None:
-    """Share of the way from absent to the far end of its range at which an effect is named, by halving; None beyond that."""
+    """Share of the way from absent to the far end of its range at which an effect is named, by
+    halving; None beyond that.
+    """
     if not _is_named(expansion, name, 1.0):
         return None
     low, high = 0.0, 1.0
@@ -74,8 +86,8 @@ def _smallest_share(expansion: Expansion, name: str) -> float | None:
 
 
 def _is_named(expansion: Expansion, name: str, share: float) -> bool:
-    """Whether logs with a share of an effect, as the expansion foresees them, have clearly more evidence for it than for
-    nothing, also where noise makes it look smaller.
+    """Whether logs with a share of an effect, as the expansion foresees them, have clearly more
+    evidence for it than for nothing, also where noise makes it look smaller.
     """
     free, step = expansion.free, np.zeros_like(expansion.slope)
     up, down = free.high - free.absent, free.low - free.absent

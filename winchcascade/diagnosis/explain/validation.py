@@ -1,11 +1,13 @@
-"""Validation of a model by its logs in the words of ASME V&V 20-2009: comparison error, its uncertainties, model error.
+"""Validation of a model by its logs in the words of ASME V&V 20-2009: comparison error, its
+uncertainties, model error.
 
-The comparison error E = S - D is what a simulation S deviates from the reduced data D. With the uncertainties of the numerical
-solution, of the inputs of the model and of the data, u_val^2 = u_num^2 + u_input^2 + u_D^2, the error of the model lies in
-E - k u_val to E + k u_val; k is 1.96 for 95 %.
+The comparison error E = S - D is what a simulation S deviates from the reduced data D. With the
+uncertainties of the numerical solution, of the inputs of the model and of the data, u_val^2 =
+u_num^2 + u_input^2 + u_D^2, the error of the model lies in E - k u_val to E + k u_val; k is 1.96
+for 95 %.
 
-Errors of sensors that the diagnosis found belong to the data: D is corrected by them, and their uncertainty is a part of u_D in
-place of the accuracies of these sensors. S contains none.
+Errors of sensors that the diagnosis found belong to the data: D is corrected by them, and their
+uncertainty is a part of u_D in place of the accuracies of these sensors. S contains none.
 """
 
 from __future__ import annotations
@@ -40,8 +42,9 @@ if TYPE_CHECKING:
 
 
 class Compared(msgspec.Struct, frozen=True):
-    """A simulation S of one quantity, the uncertainty of its inputs, the validation uncertainty, the comparison error
-    E = S - D, and the ends `low` and `high` of the 95 % interval of the model error.
+    """A simulation S of one quantity, the uncertainty of its inputs, the validation uncertainty,
+    the comparison error E = S - D, and the ends `low` and `high` of the 95 % interval of the model
+    error.
     """
 
     simulated: float
@@ -53,10 +56,11 @@ class Compared(msgspec.Struct, frozen=True):
 
 
 class Validated(msgspec.Struct, frozen=True):
-    """One quantity of one run, a mean over its integration windows: `measured` D with its uncertainty `u_d`, that of the
-    numerical solution `u_num`, and the simulations: `before` by the rig file within its tolerances, `after` by the corrected
-    rig, of a fit without the logs of this load where it is `held_out`; None without a cause. `speed` is the mean of the
-    plateaus, None without one. SI units.
+    """One quantity of one run, a mean over its integration windows: `measured` D with its
+    uncertainty `u_d`, that of the numerical solution `u_num`, and the simulations: `before` by the
+    rig file within its tolerances, `after` by the corrected rig, of a fit without the logs of this
+    load where it is `held_out`; None without a cause. `speed` is the mean of the plateaus, None
+    without one. SI units.
     """
 
     log: int
@@ -72,7 +76,9 @@ class Validated(msgspec.Struct, frozen=True):
 
     @property
     def worse(self) -> bool:
-        """Whether the corrected rig deviates from the data by more than that of the rig file, beyond the uncertainty."""
+        """Whether the corrected rig deviates from the data by more than that of the rig file,
+        beyond the uncertainty.
+        """
         after = self.after
         return after is not None and after.error**2 - self.before.error**2 > after.u_val**2
 
@@ -89,8 +95,8 @@ def validation_of(
     Parameters
     ----------
     held_out : by number of a log, the fit without the logs of its load
-    inputs : (L, 2, 14) standard uncertainty of each of `QUANTITIES` of each run by the inputs of the model, within the
-        tolerances of the rig file and as the fit leaves them, SI units
+    inputs : (L, 2, 14) standard uncertainty of each of `QUANTITIES` of each run by the inputs of
+        the model, within the tolerances of the rig file and as the fit leaves them, SI units
     windows : of each run the length of its windows [s], None for the rule of the rig
     """
 
@@ -99,7 +105,9 @@ def validation_of(
 
     def of_run(k: int, window: float | None) -> list[Validated]:
         one, fit = windowed(data, k, window), held_out.get(k)
-        return _of_run(data, found, fit, one, inputs[k], _read(data, found, fit or found.best, one, covariance))
+        return _of_run(
+            data, found, fit, one, inputs[k], _read(data, found, fit or found.best, one, covariance)
+        )
 
     lengths = enumerate(windows or [None] * len(data.logs))
     several = all_at_once([partial(of_run, k, window) for k, window in lengths], data.sizes)
@@ -107,8 +115,9 @@ def validation_of(
 
 
 class Read(NamedTuple):
-    """Quantities of a log without the errors of its sensors that are known, (14,), the standard uncertainty of this
-    correction, (14,), and the channels with the parts of their errors that it takes the place of.
+    """Quantities of a log without the errors of its sensors that are known, (14,), the standard
+    uncertainty of this correction, (14,), and the channels with the parts of their errors that it
+    takes the place of.
     """
 
     quantities: Signal
@@ -116,22 +125,30 @@ class Read(NamedTuple):
     parts: frozenset[tuple[str, str]]
 
 
-def _read(data: Fitted, found: Found, fit: Fit, one: WindowedLog, covariance: Signal | None) -> Read:
-    """What a log gives without the errors of its sensors that a fit found, and that the rig file states.
+def _read(
+    data: Fitted, found: Found, fit: Fit, one: WindowedLog, covariance: Signal | None
+) -> Read:
+    """What a log gives without the errors of its sensors that a fit found, and that the rig file
+    states.
 
     Parameters
     ----------
-    covariance : (p + n, p + n) of the fields of the fit and then of its nuisances; None where it has no error of a sensor
+    covariance : (p + n, p + n) of the fields of the fit and then of its nuisances; None where it
+        has no error of a sensor
     """
     run, suspects, nothing = one.log.run, found.problem.suspects, np.zeros(len(data.nuisances))
     errors = {
-        name: effect for name, effect in zip(fit.names, fit.effects(suspects), strict=True) if effect.effect.of_a_sensor
+        name: effect
+        for name, effect in zip(fit.names, fit.effects(suspects), strict=True)
+        if effect.effect.of_a_sensor
     }
 
     def without(effects: Iterable[ActiveEffect], nu: Signal) -> Signal:
         sensors, zeros = data.models(nu, [*effects])[one.number].sensors, data.zeros(nu)[one.number]
         channels = {
-            name: sensors.corrected(name, run.t, x - (zeros[CHANNELS.index(name)] if name in CHANNELS else 0.0))
+            name: sensors.corrected(
+                name, run.t, x - (zeros[CHANNELS.index(name)] if name in CHANNELS else 0.0)
+            )
             for name, x in run.channels.items()
         }
         return quantities_of(msgspec.structs.replace(run, channels=channels), one.rig, one.windows)
@@ -143,14 +160,20 @@ def _read(data: Fitted, found: Found, fit: Fit, one: WindowedLog, covariance: Si
     for name in errors:
         own = fit.place[name]
         for place, (moved, step) in enumerate(varied(suspects[name], fit.x[own], MOVED), own.start):
-            slopes[place] = (without((errors | {name: moved}).values(), nothing) - quantities) / step
+            slopes[place] = (
+                without((errors | {name: moved}).values(), nothing) - quantities
+            ) / step
     paths = (effect.effect.path.split(".") for effect in errors.values())
     parts = frozenset((path[2], path[1]) for path in paths if len(path) > 2)
     for j, n in enumerate(data.nuisances):
         if (n.name, n.kind) in parts and n.log in (-1, one.number):
-            slopes[j - nothing.size] = without(errors.values(), np.eye(nothing.size)[j]) - quantities
+            slopes[j - nothing.size] = (
+                without(errors.values(), np.eye(nothing.size)[j]) - quantities
+            )
     slopes = np.nan_to_num(slopes)
-    return Read(quantities, np.sqrt(np.maximum(np.sum(slopes * (covariance @ slopes), axis=0), 0.0)), parts)
+    return Read(
+        quantities, np.sqrt(np.maximum(np.sum(slopes * (covariance @ slopes), axis=0), 0.0)), parts
+    )
 
 
 def _of_run(
@@ -172,9 +195,17 @@ def _of_run(
             continue
 
         def compared(simulated: Signal, u_input: float, q: int = q, name: str = name) -> Compared:
-            u_val, error = math.hypot(u_num[q], u_input, u_d[name]), float(simulated[q] - measured[q])
+            u_val, error = (
+                math.hypot(u_num[q], u_input, u_d[name]),
+                float(simulated[q] - measured[q]),
+            )
             return Compared(
-                float(simulated[q]), u_input, u_val, error, error - COVERED * u_val, error + COVERED * u_val
+                float(simulated[q]),
+                u_input,
+                u_val,
+                error,
+                error - COVERED * u_val,
+                error + COVERED * u_val,
             )
 
         rows.append(
@@ -200,16 +231,23 @@ def _without_sensors(model: Model) -> Model:
 
 
 def _of_the_data(one: WindowedLog, read: Read) -> dict[str, float]:
-    """Standard uncertainty of the reduced mean of each metric by sensors and gaps; metrics without a known one are left out.
+    """Standard uncertainty of the reduced mean of each metric by sensors and gaps; metrics without
+    a known one are left out.
 
     The scatter of the cycles is none: the model is driven by the motion of each of them.
     """
     if one.reduction is None:
         return {}
     made = budget(one.reduction)
-    kept = [row for row in made.rows if row.source is None or (row.source.channel, row.source.part) not in read.parts]
+    kept = [
+        row
+        for row in made.rows
+        if row.source is None or (row.source.channel, row.source.part) not in read.parts
+    ]
     return {
-        name: math.hypot(float(read.u[QUANTITIES.index(name)]), *(row.of[name] or 0.0 for row in kept))
+        name: math.hypot(
+            float(read.u[QUANTITIES.index(name)]), *(row.of[name] or 0.0 for row in kept)
+        )
         for name in METRICS
         if made.sensors[name] is not None
     }
@@ -219,7 +257,9 @@ def _numerical(data: Fitted, one: WindowedLog) -> Signal:
     """Change of each quantity where the step of the simulation is halved, (14,), SI units."""
     run = one.log.run
     whole, half = (
-        quantities_of(simulate(run, data.nominal.physics, step=part * one.log.step).run, one.rig, one.windows)
+        quantities_of(
+            simulate(run, data.nominal.physics, step=part * one.log.step).run, one.rig, one.windows
+        )
         for part in (1.0, 0.5)
     )
     return np.nan_to_num(np.abs(half - whole))

@@ -30,19 +30,25 @@ QUANTITIES = (*METRICS, *CHANNELS)
 """The nine metrics of the integration windows, and the means of the channels over these windows."""
 
 
-# ------------------------------------------------------------------------------------------------- metrics of one run
+# ----------------------------------------------------------------------------- metrics of one run
 def quantities_of(run: Run, rig: Rig, windows: Signal) -> Signal:
-    """Means over the windows, (k, 2) [s], of each of `QUANTITIES`, (14,) SI units; NaN for what the run cannot give."""
+    """Means over the windows, (k, 2) [s], of each of `QUANTITIES`, (14,) SI units; NaN for what
+    the run cannot give.
+    """
     if not windows.size:
         return np.full(len(QUANTITIES), math.nan)
     cycles = [list(one.values()) for one in metrics_within(run, rig, windows)]
     known = [k for k, name in enumerate(CHANNELS) if name in run.channels]
     channels = np.full(len(CHANNELS), math.nan)
-    channels[known] = means_of(run.t, [run.channels[CHANNELS[k]].__getitem__ for k in known], windows).mean(axis=1)
+    channels[known] = means_of(
+        run.t, [run.channels[CHANNELS[k]].__getitem__ for k in known], windows
+    ).mean(axis=1)
     return np.concatenate([np.mean(np.array(cycles, dtype=np.float64), axis=0), channels])
 
 
-def reduction_of(run: Run, rig: Rig, window: float | None, cycles: tuple[int, int] | None) -> Reduction | None:
+def reduction_of(
+    run: Run, rig: Rig, window: float | None, cycles: tuple[int, int] | None
+) -> Reduction | None:
     """Reduction of a run; None where it has no window of that length [s]."""
     try:
         return reduce(run, rig=rig, window=window, cycles=cycles)
@@ -67,8 +73,8 @@ def windows_of(cycles: Sequence[CycleResult]) -> Signal:
 class WindowedLog(NamedTuple):
     """A log with its integration windows, (k, 2) [s], whose metrics are simulated many times.
 
-    `number` is that of the log, `plateau_speed` the mean over the cycles, None where they have no plateau [m/s]; `reduction` is
-    that of the log, None where it has no window.
+    `number` is that of the log, `plateau_speed` the mean over the cycles, None where they have no
+    plateau [m/s]; `reduction` is that of the log, None where it has no window.
     """
 
     number: int
@@ -86,8 +92,12 @@ class WindowedLog(NamedTuple):
         skew, zeros : (5,) delay of the reading of each channel [s], and its zero
         """
         run, read = self.log.run, self.log.at_stamps(model, skew, zeros)
-        channels = {"velocity": run.channels["velocity"]} | {name: read[:, k] for k, name in enumerate(CHANNELS)}
-        return quantities_of(msgspec.structs.replace(run, channels=channels), self.rig, self.windows)
+        channels = {"velocity": run.channels["velocity"]} | {
+            name: read[:, k] for k, name in enumerate(CHANNELS)
+        }
+        return quantities_of(
+            msgspec.structs.replace(run, channels=channels), self.rig, self.windows
+        )
 
 
 def windowed(data: Fitted, number: int, window: float | None = None) -> WindowedLog:

@@ -1,4 +1,6 @@
-"""Block means of a log: means over about 0.4 s within one phase, in which ringing and most of the correlation cancel."""
+"""Block means of a log: means over about 0.4 s within one phase, in which ringing and most of
+the correlation cancel.
+"""
 
 from __future__ import annotations
 
@@ -21,13 +23,19 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Run, Signal
 
 BLOCK = 1.03
-"""Length of a block over the ramp of the motion, unless samples are few: about a period of the ringing tether. [1]"""
+"""Length of a block over the ramp of the motion, unless samples are few: about a period of the
+ringing tether. [1]
+"""
 
 MIN_SAMPLES = 4.0
-"""A block of a coarse log is longer, so that it holds this number of samples: the scatter of fewer is uncertain. [1]"""
+"""A block of a coarse log is longer, so that it holds this number of samples: the scatter of
+fewer is uncertain. [1]
+"""
 
 PHASES = ("payout", "hold", "haul_in")
-"""Phases by the number that a block carries; rest before the first payout and after the last haul-in counts as hold."""
+"""Phases by the number that a block carries; rest before the first payout and after the last
+haul-in counts as hold.
+"""
 
 PAYOUT, HOLD, HAUL_IN = range(len(PHASES))
 """Numbers of the phases in `PHASES`."""
@@ -36,8 +44,9 @@ PAYOUT, HOLD, HAUL_IN = range(len(PHASES))
 class Blocks(msgspec.Struct, frozen=True):
     """Blocks of a log, (m,) each, in order of time.
 
-    `start` and `stop` bound the samples [start, stop); `phase` is an index of `PHASES`, `cycle` counts payouts from 1 (0
-    before the first); `joined` marks a block that follows the one before without a pause, in the same phase.
+    `start` and `stop` bound the samples [start, stop); `phase` is an index of `PHASES`, `cycle`
+    counts payouts from 1 (0 before the first); `joined` marks a block that follows the one before
+    without a pause, in the same phase.
     """
 
     start: NDArray[np.intp]
@@ -62,12 +71,18 @@ class Blocks(msgspec.Struct, frozen=True):
         return (total[self.stop] - total[self.start]) / self.count
 
     def scatter(self, x: Signal) -> Signal:
-        """Standard deviation of a signal within each block, about its straight line, (m,) in its unit."""
+        """Standard deviation of a signal within each block, about its straight line, (m,) in its
+        unit.
+        """
         number = np.repeat(np.arange(self.size), self.stop - self.start)
-        samples = np.concatenate([np.arange(a, b) for a, b in zip(self.start, self.stop, strict=True)])
+        samples = np.concatenate(
+            [np.arange(a, b) for a, b in zip(self.start, self.stop, strict=True)]
+        )
         place = samples - np.repeat(0.5 * (self.start + self.stop - 1), self.stop - self.start)
         value = x[samples]
-        sums = [np.bincount(number, w, self.size) for w in (value, value**2, place * value, place**2)]
+        sums = [
+            np.bincount(number, w, self.size) for w in (value, value**2, place * value, place**2)
+        ]
         squares = sums[1] - sums[0] ** 2 / self.count - sums[2] ** 2 / np.maximum(sums[3], 1e-12)
         return np.asarray(np.sqrt(np.maximum(squares, 0.0) / np.maximum(self.count - 2.0, 1.0)))
 
@@ -104,21 +119,31 @@ def blocks_of(run: Run, rig: Rig, ramp: float, cycles: tuple[int, int] | None = 
 
 
 def in_a_row(several: Sequence[Blocks]) -> Blocks:
-    """Blocks of several logs one after the other, with cycles numbered so that no two logs share one."""
+    """Blocks of several logs one after the other, with cycles numbered so that no two logs share
+    one.
+    """
     first = np.cumsum([0, *(int(blocks.cycle.max(initial=0)) + 1 for blocks in several)])
-    renumbered = [replace(blocks, cycle=blocks.cycle + k) for blocks, k in zip(several, first, strict=False)]
+    renumbered = [
+        replace(blocks, cycle=blocks.cycle + k) for blocks, k in zip(several, first, strict=False)
+    ]
     fields = Blocks.__struct_fields__
-    return Blocks(*(np.concatenate([getattr(blocks, name) for blocks in renumbered]) for name in fields))
+    return Blocks(
+        *(np.concatenate([getattr(blocks, name) for blocks in renumbered]) for name in fields)
+    )
 
 
 def middles(blocks: Blocks, here: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Numbers of the blocks between two neighbours of the same phase where all three are `here`, (j,)."""
-    return 1 + np.flatnonzero(here[:-2] & here[1:-1] & here[2:] & blocks.joined[1:-1] & blocks.joined[2:])
+    """Numbers of the blocks between two neighbours of the same phase where all three are `here`,
+    (j,).
+    """
+    return 1 + np.flatnonzero(
+        here[:-2] & here[1:-1] & here[2:] & blocks.joined[1:-1] & blocks.joined[2:]
+    )
 
 
 CHANGING = 0.03
-"""The motion changes where the mean speed differs by more than this share of the largest in its phase from that of the block
-before, and of the block after. [1]"""
+"""The motion changes where the mean speed differs by more than this share of the largest in its
+phase from that of the block before, and of the block after. [1]"""
 
 
 def changing(blocks: Blocks, speed: Signal) -> NDArray[np.bool_]:
@@ -129,18 +154,26 @@ def changing(blocks: Blocks, speed: Signal) -> NDArray[np.bool_]:
     return np.asarray(np.minimum(steps[1:], steps[:-1]) > CHANGING * top[blocks.phase])
 
 
-def scatter_about_course(blocks: Blocks, x: Signal, here: NDArray[np.bool_], minimum: int = 1) -> float:
-    """Standard deviation of block means about their smooth course, in the unit of x; NaN with fewer than `minimum` triples.
+def scatter_about_course(
+    blocks: Blocks, x: Signal, here: NDArray[np.bool_], minimum: int = 1
+) -> float:
+    """Standard deviation of block means about their smooth course, in the unit of x; NaN with fewer
+    than `minimum` triples.
 
-    From second differences, by the median: a smooth difference contributes nothing, and a step to few of them.
+    From second differences, by the median: a smooth difference contributes nothing, and a step to
+    few of them.
     """
     k = middles(blocks, here)
     second = np.abs(x[k - 1] - 2.0 * x[k] + x[k + 1]) / math.sqrt(6.0)
     return GAUSS * median(second) if k.size >= minimum else math.nan
 
 
-def _cut(run: Run, begin: float, end: float, phase: int, cycle: int, length: float) -> NDArray[np.intp]:
-    """Cut a stretch into equal blocks, (m, 5) as the fields of `Blocks`; drop those in which gaps leave less than half."""
+def _cut(
+    run: Run, begin: float, end: float, phase: int, cycle: int, length: float
+) -> NDArray[np.intp]:
+    """Cut a stretch into equal blocks, (m, 5) as the fields of `Blocks`; drop those in which
+    gaps leave less than half.
+    """
     pieces = max(round((end - begin) / length), 1)
     if end - begin < 0.5 * length * pieces:
         return np.zeros((0, 5), dtype=np.intp)

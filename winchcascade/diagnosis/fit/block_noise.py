@@ -1,4 +1,6 @@
-"""The noise of the blocks of a log: of the sensors, of the velocity that drives the model, and the ringing of the tether."""
+"""The noise of the blocks of a log: of the sensors, of the velocity that drives the model, and
+the ringing of the tether.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,14 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.integrate import white_noise
-from winchcascade.diagnosis.fit.block_means import HOLD, PHASES, Blocks, changing, middles, scatter_about_course
+from winchcascade.diagnosis.fit.block_means import (
+    HOLD,
+    PHASES,
+    Blocks,
+    changing,
+    middles,
+    scatter_about_course,
+)
 from winchcascade.diagnosis.fit.predict import CHANNELS, Course
 from winchcascade.rig.line_velocity import line_velocity
 from winchcascade.rig.state import constants
@@ -33,11 +42,13 @@ CREEPING = 0.2
 """Below this multiple of that speed the noise of the velocity moves nothing. [1]"""
 
 CONDUCTING = 0.5
-"""In open circuit the voltage follows the machine while the bridge carries at least this share of the bleed's current."""
+"""In open circuit the voltage follows the machine while the bridge carries at least this share
+of the bleed's current.
+"""
 
 NOISELESS = 3e-4
-"""A simulated log may have no noise: its blocks count as known to this share of the channel's largest, about what a coarser
-step and a grid of the solutions leave. [1]"""
+"""A simulated log may have no noise: its blocks count as known to this share of the channel's
+largest, about what a coarser step and a grid of the solutions leave. [1]"""
 
 MIN_BLOCKS = 12
 """Minimum number of blocks from which a noise of their own is estimated."""
@@ -46,10 +57,11 @@ MIN_BLOCKS = 12
 class Noise(msgspec.Struct, frozen=True):
     """Noise of the blocks of one log.
 
-    `seen` (m, 5): the channel depends on the model there. `own` (m, 5) is the standard deviation of the mean of a block that
-    belongs to the channel alone, `bare` (m, 5) its part from white noise of the sensor, `drive` (m, 5) the standard deviation
-    that all channels share through the noise of the velocity, `model` (m, 5) that by which the model may deviate in a single
-    block; it is the same in all `repeats` of the log. SI units, columns of `predict.CHANNELS`.
+    `seen` (m, 5): the channel depends on the model there. `own` (m, 5) is the standard deviation of
+    the mean of a block that belongs to the channel alone, `bare` (m, 5) its part from white noise
+    of the sensor, `drive` (m, 5) the standard deviation that all channels share through the noise
+    of the velocity, `model` (m, 5) that by which the model may deviate in a single block; it is the
+    same in all `repeats` of the log. SI units, columns of `predict.CHANNELS`.
     """
 
     seen: NDArray[np.bool_]
@@ -61,14 +73,17 @@ class Noise(msgspec.Struct, frozen=True):
 
     @property
     def logged(self) -> Signal:
-        """Standard deviation of each block's mean in the log, without the deviation of the model, (m, 5)."""
+        """Standard deviation of each block's mean in the log, without the deviation of the
+        model, (m, 5).
+        """
         return np.asarray(np.hypot(self.own, self.drive))
 
     @property
     def own_total(self) -> Signal:
         """Part of `total` that belongs to the channel alone, (m, 5).
 
-        The deviation of the model counts as often as the log is repeated: all repeats together tell no more of it than one log.
+        The deviation of the model counts as often as the log is repeated: all repeats together tell
+        no more of it than one log.
         """
         return np.asarray(np.sqrt(self.own**2 + self.repeats * self.model**2))
 
@@ -79,7 +94,8 @@ class Noise(msgspec.Struct, frozen=True):
 
 
 def noise_of(course: Course, model: Model, predicted: Signal) -> Noise:
-    """Noise of a log's blocks as estimated from its own samples, before it is compared with any model's values.
+    """Noise of a log's blocks as estimated from its own samples, before it is compared with any
+    model's values.
 
     Parameters
     ----------
@@ -92,19 +108,23 @@ def noise_of(course: Course, model: Model, predicted: Signal) -> Noise:
         np.abs(speed[:, None]) > CREEPING * course.coarse.rest,
     )
     slope = np.divide(moved, GAIN_STEP * speed[:, None], out=np.zeros_like(predicted), where=fast)
-    white = np.array([white_noise(run.channels[name]) if name in run.channels else 0.0 for name in CHANNELS])
+    white = np.array(
+        [white_noise(run.channels[name]) if name in run.channels else 0.0 for name in CHANNELS]
+    )
     minimum = NOISELESS * np.max(np.abs(predicted), axis=0) if run.simulated else 0.0
     bare = np.maximum(white / np.sqrt(blocks.count)[:, None], minimum)
     samples = max(round(float(np.median(blocks.count))), 1)
     velocity = line_velocity(run, course.scale.ramp)
     drive = slope * velocity.noise(samples)
-    return Noise(_seen(course, model, speed, velocity.max_noise), bare, bare, drive, np.zeros_like(bare))
+    return Noise(
+        _seen(course, model, speed, velocity.max_noise), bare, bare, drive, np.zeros_like(bare)
+    )
 
 
 def _seen(course: Course, model: Model, speed: Signal, u_velocity: float) -> NDArray[np.bool_]:
-    """Where a channel depends on the model: force and torque while the line moves, as friction only bounds them at rest, the
-    voltage of an open circuit while the bridge conducts, and that of a machine at rest unless the noise of the velocity alone
-    would make the bridge conduct.
+    """Where a channel depends on the model: force and torque while the line moves, as friction only
+    bounds them at rest, the voltage of an open circuit while the bridge conducts, and that of a
+    machine at rest unless the noise of the velocity alone would make the bridge conduct.
 
     Parameters
     ----------
@@ -121,14 +141,17 @@ def _seen(course: Course, model: Model, speed: Signal, u_velocity: float) -> NDA
     if generator.k_e * rpm > 2.0 * generator.v_diode:
         seen[:, [vdc, idc]] &= moves
     if np.isinf(course.load):
-        bridge, bleed = (course.block_mean(course.electrical(numbers, name)) for name in ("i_bridge", "idc"))
+        bridge, bleed = (
+            course.block_mean(course.electrical(numbers, name)) for name in ("i_bridge", "idc")
+        )
         seen[:, vdc] &= (bridge > CONDUCTING * bleed) | (hold & (blocks.cycle == 0))
         seen[:, idc] = False
     return seen
 
 
 def without_slack(noise: Noise, model: Model, predicted: Signal) -> Noise:
-    """Leave out the force where the line is slack within its noise: it swings, and a tension is never below zero.
+    """Leave out the force where the line is slack within its noise: it swings, and a tension is
+    never below zero.
 
     Parameters
     ----------
@@ -142,7 +165,8 @@ def without_slack(noise: Noise, model: Model, predicted: Signal) -> Noise:
 
 
 def with_extra(noise: Noise, blocks: Blocks, residual: Signal) -> Noise:
-    """Add other scatter from block to block that the noise of the sensors does not contain: ringing, gusts.
+    """Add other scatter from block to block that the noise of the sensors does not contain:
+    ringing, gusts.
 
     Parameters
     ----------
@@ -158,7 +182,8 @@ RESTLESS = 1.5
 
 
 def with_ramps(noise: Noise, blocks: Blocks, residual: Signal, speed: Signal) -> Noise:
-    """Add the scatter that the best fit leaves within slow ramps: resonances that they cross, which no effect explains.
+    """Add the scatter that the best fit leaves within slow ramps: resonances that they cross, which
+    no effect explains.
 
     Parameters
     ----------
@@ -171,15 +196,21 @@ def with_ramps(noise: Noise, blocks: Blocks, residual: Signal, speed: Signal) ->
     for phase, k in np.ndindex(extra.shape):
         of = middles(blocks, noise.seen[:, k] & (blocks.phase == phase) & inside)
         if of.size >= MIN_BLOCKS:
-            found = np.mean((residual[of - 1, k] - 2.0 * residual[of, k] + residual[of + 1, k]) ** 2) / 6.0
+            found = (
+                np.mean((residual[of - 1, k] - 2.0 * residual[of, k] + residual[of + 1, k]) ** 2)
+                / 6.0
+            )
             expected = np.mean(noise.total[of, k] ** 2)
             extra[phase, k] = found - expected if found > RESTLESS**2 * expected else 0.0
-    return msgspec.structs.replace(noise, own=np.sqrt(noise.own**2 + extra[blocks.phase] * ramps[:, None]))
+    return msgspec.structs.replace(
+        noise, own=np.sqrt(noise.own**2 + extra[blocks.phase] * ramps[:, None])
+    )
 
 
 def unsteadiness_of(noise: Noise, blocks: Blocks, residual: Signal) -> Signal:
-    """Standard deviations of the blocks of a residual about a smooth course, as found and as the noise of sensors and velocity
-    and the model make them, by phase and channel, (3, 5, 2) in the units of the channels; NaN where there are too few blocks.
+    """Standard deviations of the blocks of a residual about a smooth course, as found and as the
+    noise of sensors and velocity and the model make them, by phase and channel, (3, 5, 2) in the
+    units of the channels; NaN where there are too few blocks.
     """
     expected = np.sqrt(noise.bare**2 + noise.drive**2 + noise.model**2)
     table = np.full((len(PHASES), len(CHANNELS), 2), np.nan)

@@ -1,4 +1,6 @@
-"""Covariance of the numbers of a fit, also where some lie at a bound and where residuals are not independent."""
+"""Covariance of the numbers of a fit, also where some lie at a bound and where residuals are not
+independent.
+"""
 
 from __future__ import annotations
 
@@ -22,9 +24,9 @@ FEW = 10
 def covariance_of(found: Found, fit: Fit, columns: Signal) -> Signal:
     """Covariance of the fields of a fit, (k, k): what data and priors leave, nuisances included.
 
-    A field at a bound may lie away from it on one side, as far as the normal that is cut off there reaches, and the others
-    follow it. The variance of a field within its bounds is at least that by the scatter of the groups of residuals, as in
-    `grown`.
+    A field at a bound may lie away from it on one side, as far as the normal that is cut off there
+    reaches, and the others follow it. The variance of a field within its bounds is at least that by
+    the scatter of the groups of residuals, as in `grown`.
 
     Parameters
     ----------
@@ -35,7 +37,9 @@ def covariance_of(found: Found, fit: Fit, columns: Signal) -> Signal:
     pull = weighted.T @ fit.r / found.scale + (fit.x - fit.free.absent) / fit.free.sd**2
     inside, at = np.flatnonzero(inside_of(fit)), np.flatnonzero(~inside_of(fit))
     inverse = np.linalg.inv(curve[np.ix_(inside, inside)]).astype(np.float64)
-    by = np.sqrt([grown(found, columns[:, inside], fit.r, inverse, way) for way in np.eye(inside.size)])
+    by = np.sqrt(
+        [grown(found, columns[:, inside], fit.r, inverse, way) for way in np.eye(inside.size)]
+    )
     covariance = np.zeros_like(curve)
     covariance[np.ix_(inside, inside)] = inverse * np.outer(by, by)
     for k in at.tolist():
@@ -61,15 +65,19 @@ def square_beyond(pull: float) -> float:
 def grown(found: Found, columns: Signal, r: Signal, covariance: Signal, way: Signal) -> float:
     """How much larger the variance of a sum of numbers is than their covariance says, at least 1.
 
-    Residuals of one group are no independent numbers, in spite of the whitening: the sums of the scores of the groups vary as
-    the variance does (Liang and Zeger 1986).
+    Residuals of one group are no independent numbers, in spite of the whitening: the sums of the
+    scores of the groups vary as the variance does (Liang and Zeger 1986).
 
     Parameters
     ----------
-    columns, r : (n, k) derivative of the residuals over the numbers, and what these leave of them, (n,)
+    columns, r : (n, k) derivative of the residuals over the numbers, and what these leave of them,
+        (n,)
     covariance, way : (k, k) of the numbers, and the weights of the sum, (k,)
     """
-    groups, scores = found.problem.groups, weights(r) * r * (columns @ (covariance @ way)) / found.scale
+    groups, scores = (
+        found.problem.groups,
+        weights(r) * r * (columns @ (covariance @ way)) / found.scale,
+    )
     sums = np.bincount(groups, scores, groups[-1] + 1)
     sums = sums[sums != 0.0]
     if sums.size < FEW:

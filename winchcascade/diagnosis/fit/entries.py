@@ -1,4 +1,6 @@
-"""Wrong entries as suspects: bound to the numbers that a rig file states and to the runs of a campaign, and their prior."""
+"""Wrong entries as suspects: bound to the numbers that a rig file states and to the runs of a
+campaign, and their prior.
+"""
 
 from __future__ import annotations
 
@@ -40,12 +42,14 @@ def is_entry(suspect: str) -> bool:
     return effect_name(suspect) in ENTRIES
 
 
-# ----------------------------------------------------------------------------------------------------------- the suspects
+# ----------------------------------------------------------------------------------- the suspects
 def bound_to(suspects: Suspects, rig: Rig, runs: Sequence[Run], scales: Scales) -> Suspects:
-    """Suspects of a diagnosis: wrong entries report the numbers of the rig file, and each run has its own wrong load.
+    """Suspects of a diagnosis: wrong entries report the numbers of the rig file, and each run has
+    its own wrong load.
 
-    A drum radius is suspected twice: the logged motion may be true, or computed with the same radius. Effects of parts that the
-    rig has not are left out, and ranges are those of the scales of the campaign.
+    A drum radius is suspected twice: the logged motion may be true, or computed with the same
+    radius. Effects of parts that the rig has not are left out, and ranges are those of the scales
+    of the campaign.
     """
     found: dict[str, Effect] = {}
     own = {name: effect.at(scales) for name, effect in suspects.items() if has_part(effect, rig)}
@@ -65,10 +69,16 @@ def bound_to(suspects: Suspects, rig: Rig, runs: Sequence[Run], scales: Scales) 
 
 
 def has_part(effect: Effect, rig: Rig) -> bool:
-    """Whether a rig has the part that an effect acts on, and its file can state the number of a wrong entry."""
+    """Whether a rig has the part that an effect acts on, and its file can state the number of a
+    wrong entry.
+    """
     if missing_part(effect, rig):
         return False
-    return effect.entry is None or not effect.number or quantity_of(rig, *effect.number.split(".")) is not None
+    return (
+        effect.entry is None
+        or not effect.number
+        or quantity_of(rig, *effect.number.split(".")) is not None
+    )
 
 
 def _multiple(stated: float, values: Values) -> float:
@@ -76,7 +86,9 @@ def _multiple(stated: float, values: Values) -> float:
 
 
 def _of_the_rig(effect: Effect, rig: Rig) -> Effect:
-    """An entry that reports the number of the rig file; one that is reported as a ratio knows it too."""
+    """An entry that reports the number of the rig file; one that is reported as a ratio knows it
+    too.
+    """
     number = quantity_of(rig, *effect.number.split(".")) if effect.number else None
     if number is None:
         return effect
@@ -90,19 +102,28 @@ def _of_each_run(effect: Effect, runs: Sequence[Run]) -> dict[str, Effect]:
     """A wrong load of each run whose Vdc over Idc does not agree with the stated one."""
     found: dict[str, Effect] = {}
     for log, run in enumerate(runs):
-        if run.load is None or not math.isfinite(run.load) or abs(_load_ratio(run, run.load) - 1.0) < AGREES:
+        if (
+            run.load is None
+            or not math.isfinite(run.load)
+            or abs(_load_ratio(run, run.load) - 1.0) < AGREES
+        ):
             continue
         name = f"{effect.name}({run.name})"
         name = name if name not in found else f"{effect.name}({run.name}, run {log + 1})"
         entry = Stated(run.load, log=log, source=run.name)
         found[name] = msgspec.structs.replace(
-            effect, label=f"Load of {run.load:g} ohm", entry=entry, reported_from=partial(_multiple, run.load)
+            effect,
+            label=f"Load of {run.load:g} ohm",
+            entry=entry,
+            reported_from=partial(_multiple, run.load),
         )
     return found
 
 
 def _load_ratio(run: Run, load: float) -> float:
-    """Vdc over Idc of a run, by least squares, over its stated load [1]; NaN where one of the two is not logged."""
+    """Vdc over Idc of a run, by least squares, over its stated load [1]; NaN where one of the
+    two is not logged.
+    """
     if "vdc" not in run.channels or "idc" not in run.channels:
         return math.nan
     vdc, idc = run.channels["vdc"], run.channels["idc"]
@@ -110,17 +131,20 @@ def _load_ratio(run: Run, load: float) -> float:
     return float(vdc @ vdc) / power / load if power > 0.0 else math.nan
 
 
-# -------------------------------------------------------------------------------------------------------------- the prior
+# -------------------------------------------------------------------------------------- the prior
 def price_of(suspect: str) -> float:
     """Logarithm of the prior odds against a cause [1].
 
-    All effects of the rig are as likely, also where only a few of them are suspects; a wrong entry is rarer.
+    All effects of the rig are as likely, also where only a few of them are suspects; a wrong entry
+    is rarer.
     """
     return math.log(len(OF_THE_RIG)) + (RARER if is_entry(suspect) else 0.0)
 
 
 def class_of(suspect: str, alike: Collection[str]) -> LookAlikes | None:
-    """The class of look-alikes of a suspect: that of those that explain the logs as well, or one of what no catalogue holds."""
+    """The class of look-alikes of a suspect: that of those that explain the logs as well, or one
+    of what no catalogue holds.
+    """
     own = [one for one in CLASSES if suspect in one.members]
     shared = (one for one in own if not set(alike).isdisjoint(one.members))
     return next(shared, None) or next((one for one in own if one.beyond), None)

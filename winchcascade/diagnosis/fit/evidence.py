@@ -1,4 +1,6 @@
-"""What a fitted set is worth: its objective, its evidence, and the minimum of a quadratic within bounds."""
+"""What a fitted set is worth: its objective, its evidence, and the minimum of a quadratic within
+bounds.
+"""
 
 from __future__ import annotations
 
@@ -26,17 +28,20 @@ ROUNDING = 1e-12
 
 
 GUESSES = 8
-"""Maximum number of guesses of which fields lie at which bound, before these are found one by one."""
+"""Maximum number of guesses of which fields lie at which bound, before these are found one by
+one.
+"""
 
 
 class Fit(msgspec.Struct, frozen=True):
     """A set of suspects, fitted.
 
-    `x` (k,) are the fields of the suspects in a row, those of each at its `place`, `loss` the robust objective with the priors,
-    `r` (n,) the residuals with the nuisances integrated out, `curve` (k, k) and `slope` (k,) the curvature of the objective
-    over the fields and its slope downwards, both without their prior. Whitened residuals without any nuisance are `given`,
-    (n,). The nuisances that explain most of them are `nu`, in units of their tolerance, and `z` (n,) is what these leave.
-    A further step of the fit promises to lower the objective by `open`.
+    `x` (k,) are the fields of the suspects in a row, those of each at its `place`, `loss` the
+    robust objective with the priors, `r` (n,) the residuals with the nuisances integrated out,
+    `curve` (k, k) and `slope` (k,) the curvature of the objective over the fields and its slope
+    downwards, both without their prior. Whitened residuals without any nuisance are `given`, (n,).
+    The nuisances that explain most of them are `nu`, in units of their tolerance, and `z` (n,) is
+    what these leave. A further step of the fit promises to lower the objective by `open`.
     """
 
     names: Names
@@ -54,7 +59,9 @@ class Fit(msgspec.Struct, frozen=True):
 
     @property
     def scale(self) -> float:
-        """Mean square of the residuals, robustly, at least 1: by how much the noise exceeds its estimate."""
+        """Mean square of the residuals, robustly, at least 1: by how much the noise exceeds its
+        estimate.
+        """
         return max(2.0 * huber(self.r) / max(int(np.count_nonzero(self.r)), 1), 1.0)
 
     def effects(self, suspects: Suspects) -> list[ActiveEffect]:
@@ -63,7 +70,9 @@ class Fit(msgspec.Struct, frozen=True):
 
 
 class Evidence(msgspec.Struct, frozen=True):
-    """What weighs the evidence for a set: the problem, and the square by which the noise exceeds its estimate."""
+    """What weighs the evidence for a set: the problem, and the square by which the noise exceeds
+    its estimate.
+    """
 
     problem: Problem
     scale: float
@@ -74,13 +83,15 @@ class Evidence(msgspec.Struct, frozen=True):
         objective = (fit.loss - prior) / self.scale + prior
         return self.weighed(fit.names, fit.x, fit.free, fit.curve, fit.slope, objective)
 
-    def weighed(self, names: Names, x: Signal, free: Freedom, curve: Signal, slope: Signal, objective: float) -> float:
+    def weighed(
+        self, names: Names, x: Signal, free: Freedom, curve: Signal, slope: Signal, objective: float
+    ) -> float:
         """Logarithm of the evidence for a set whose objective is known.
 
         Parameters
         ----------
-        x, curve, slope : (k,) fields of the set in a row, and (k, k) the curvature of the objective there and (k,) its slope
-            downwards, both without their prior
+        x, curve, slope : (k,) fields of the set in a row, and (k, k) the curvature of the objective
+            there and (k,) its slope downwards, both without their prior
         """
         suspects, information = self.problem.suspects, curve / self.scale
         open_to = volume_within(x, free, information, slope / self.scale)
@@ -93,12 +104,17 @@ class Evidence(msgspec.Struct, frozen=True):
 
 
 def prior_of(x: Signal, free: Freedom) -> float:
-    """Part of the objective of the prior of some fields, (k,): normal about their absence, wide as what is plausible."""
+    """Part of the objective of the prior of some fields, (k,): normal about their absence, wide
+    as what is plausible.
+    """
     return 0.5 * float(np.sum(((x - free.absent) / free.sd) ** 2))
 
 
-def usual_gain(suspects: Suspects, names: Names, x: Signal, free: Freedom, information: Signal) -> float:
-    """Evidence that wrong entries gain or lose, as part of their prior lies at usual multiples and not even over their range.
+def usual_gain(
+    suspects: Suspects, names: Names, x: Signal, free: Freedom, information: Signal
+) -> float:
+    """Evidence that wrong entries gain or lose, as part of their prior lies at usual multiples and
+    not even over their range.
 
     Parameters
     ----------
@@ -113,21 +129,25 @@ def usual_gain(suspects: Suspects, names: Names, x: Signal, free: Freedom, infor
         variance = float(np.linalg.inv(information + np.diag(free.sd**-2.0))[k, k])
         multiples = 1.0 + np.array(entry.usual)
         sd = np.sqrt(variance + (entry.scatter * multiples) ** 2)
-        density = np.exp(-0.5 * ((1.0 + float(x[k]) - multiples) / sd) ** 2) / (math.sqrt(2.0 * math.pi) * sd)
+        density = np.exp(-0.5 * ((1.0 + float(x[k]) - multiples) / sd) ** 2) / (
+            math.sqrt(2.0 * math.pi) * sd
+        )
         peaked = float(np.mean(density) * (free.high[k] - free.low[k]))
         gain += math.log(max((1.0 - entry.usual_share) + entry.usual_share * peaked, 1e-30))
     return gain
 
 
 def volume_within(x: Signal, free: Freedom, information: Signal, slope: Signal) -> float:
-    """Logarithm of the volume that the posterior of some fields leaves open over that of their prior, within what is possible.
+    """Logarithm of the volume that the posterior of some fields leaves open over that of their
+    prior, within what is possible.
 
-    Both are normal and end at the bounds. The spread of each field is that with those before it known, the product of which is
-    the volume where there are no bounds.
+    Both are normal and end at the bounds. The spread of each field is that with those before it
+    known, the product of which is the volume where there are no bounds.
 
     Parameters
     ----------
-    information, slope : (k, k) and (k,) curvature of the objective and its slope downwards, without the prior
+    information, slope : (k, k) and (k,) curvature of the objective and its slope downwards, without
+        the prior
     """
     if not x.size:
         return 0.0
@@ -136,12 +156,16 @@ def volume_within(x: Signal, free: Freedom, information: Signal, slope: Signal) 
     spread, at = free.sd / narrower, ~within(x, free)
     pull = np.where(at, (x - free.absent) / free.sd**2 - slope, 0.0)
     posterior = log_mass(free.minimum - x, free.maximum - x, pull, spread)
-    prior = log_mass(free.minimum - free.absent, free.maximum - free.absent, np.zeros(x.size), free.sd)
+    prior = log_mass(
+        free.minimum - free.absent, free.maximum - free.absent, np.zeros(x.size), free.sd
+    )
     return float(np.sum(posterior - prior - np.log(narrower)))
 
 
 def log_mass(low: Signal, high: Signal, pull: Signal, spread: Signal) -> Signal:
-    """Logarithm of the integral of exp(-pull t - (t / spread)^2 / 2) from `low` to `high` over that of the normal, (k,)."""
+    """Logarithm of the integral of exp(-pull t - (t / spread)^2 / 2) from `low` to `high` over
+    that of the normal, (k,).
+    """
     from scipy.special import log_ndtr
 
     shift = pull * spread
@@ -152,7 +176,9 @@ def log_mass(low: Signal, high: Signal, pull: Signal, spread: Signal) -> Signal:
 
 
 def root_of(curve: Signal) -> Signal:
-    """Lower triangular root of a positive definite matrix, (k, k), also where rounding hides that it is one."""
+    """Lower triangular root of a positive definite matrix, (k, k), also where rounding hides
+    that it is one.
+    """
     size = np.sqrt(np.diag(curve))
     scaled = curve / np.outer(size, size) + ROUNDING * np.eye(size.size)
     return np.asarray(size[:, None] * np.linalg.cholesky(scaled))
@@ -161,8 +187,8 @@ def root_of(curve: Signal) -> Signal:
 def minimum_within(curve: Signal, slope: Signal, low: Signal, high: Signal) -> Signal:
     """Where x' curve x / 2 - slope' x is least within bounds, which may be infinite, (k,).
 
-    Which fields lie at a bound is guessed (Hintermueller, Ito and Kunisch 2003); in the rare case that no guess settles, the
-    bounds are taken one by one.
+    Which fields lie at a bound is guessed (Hintermueller, Ito and Kunisch 2003); in the rare case
+    that no guess settles, the bounds are taken one by one.
     """
     from scipy.optimize import lsq_linear
 

@@ -24,11 +24,15 @@ STEP = 0.02
 
 
 AT_ONCE = 16
-"""Number of derivatives that are computed at once, so that those of many logs keep to their memory."""
+"""Number of derivatives that are computed at once, so that those of many logs keep to their
+memory.
+"""
 
 
 STEPS, WORTHWHILE = 8, 0.05
-"""Maximum number of steps of a fit, and the improvement of the objective below which it has settled."""
+"""Maximum number of steps of a fit, and the improvement of the objective below which it has
+settled.
+"""
 
 
 REWEIGHTED = 20
@@ -44,7 +48,9 @@ SHARES = (1.0, 0.4, 0.15, 0.05)
 
 
 def columns_of(problem: Problem, marginal: Marginal, fit: Fit, wanted: Sequence[str]) -> Signal:
-    """Derivative of the residuals of a fit over the fields of some suspects, which need not act, nuisances integrated out."""
+    """Derivative of the residuals of a fit over the fields of some suspects, which need not act,
+    nuisances integrated out.
+    """
     acting = dict(zip(fit.names, fit.effects(problem.suspects), strict=True))
     variants, steps = [], []
     for name in wanted:
@@ -63,7 +69,9 @@ def columns_of(problem: Problem, marginal: Marginal, fit: Fit, wanted: Sequence[
 
 
 def begun(suspects: Suspects, names: Names, start: Mapping[str, Signal]) -> Signal:
-    """Fields of a set in a row, (k,), as they are known by suspect; suspects that are not known are absent."""
+    """Fields of a set in a row, (k,), as they are known by suspect; suspects that are not known
+    are absent.
+    """
     own = [start.get(name, freedom(suspects[name]).absent) for name in names]
     return np.concatenate([np.zeros(0), *own])
 
@@ -80,9 +88,11 @@ def located(problem: Problem, marginal: Marginal, names: Names, x: Signal) -> Fi
 
 
 def _best_step(fit: Fit, columns: Signal) -> tuple[Signal, float]:
-    """Step from a fit to the least objective where residuals are linear, (k,), and by how much it is less there.
+    """Step from a fit to the least objective where residuals are linear, (k,), and by how much it
+    is less there.
 
-    Weights of least squares follow the residuals (Huber 1964), so they are found step by step, at no simulation.
+    Weights of least squares follow the residuals (Huber 1964), so they are found step by step, at
+    no simulation.
 
     Parameters
     ----------
@@ -116,11 +126,16 @@ def fit_set(
     Parameters
     ----------
     start : fields to begin from by suspect; suspects without any begin absent
-    columns : (n, k) derivative of the residuals there or near, which serves as long as it foresees what a step brings
-    rough : share of what the fit has gained below which a step is not worth it: most sets on a path only lead on
+    columns : (n, k) derivative of the residuals there or near, which serves as long as it foresees
+        what a step brings
+    rough : share of what the fit has gained below which a step is not worth it: most sets on a path
+        only lead on
     """
     names = tuple(sorted(names))
-    free, x = freedom(*(problem.suspects[name] for name in names)), begun(problem.suspects, names, start or {})
+    free, x = (
+        freedom(*(problem.suspects[name] for name in names)),
+        begun(problem.suspects, names, start or {}),
+    )
 
     def at(x: Signal) -> Fit:
         return located(problem, marginal, names, x)

@@ -1,4 +1,6 @@
-"""A log of a fit: its blocks, how far they are known, and what a discrepancy of the model moves in them."""
+"""A log of a fit: its blocks, how far they are known, and what a discrepancy of the model moves
+in them.
+"""
 
 from __future__ import annotations
 
@@ -23,19 +25,22 @@ if TYPE_CHECKING:
     from winchcascade.core.scales import MotionScale
 
 WITHIN = 25.0
-"""Discrepancy of a block as a share of the scatter of the model within it, which is largest where the motion begins and ends,
-over that as a share of its level. [1]"""
+"""Discrepancy of a block as a share of the scatter of the model within it, which is largest where
+the motion begins and ends, over that as a share of its level. [1]"""
 
 TOP = 0.9
-"""Quantile of the magnitude of a channel, over the blocks of a phase, that is its level there. [1]"""
+"""Quantile of the magnitude of a channel, over the blocks of a phase, that is its level there.
+[1]
+"""
 
 
 class Log(msgspec.Struct, frozen=True):
     """One log of a fit.
 
-    `measured` (m, 5) are its blocks, `offset` (m, 5) what a fine step gives beyond the coarse one of the fit, at the stamps
-    `offset_at_stamps` (n, 5), `step` the fine one [s]. `courses` (m, 5, 3) are what a discrepancy of the model of
-    1 moves along each of `nuisances.COURSES`. SI units, columns of `predict.CHANNELS`.
+    `measured` (m, 5) are its blocks, `offset` (m, 5) what a fine step gives beyond the coarse one
+    of the fit, at the stamps `offset_at_stamps` (n, 5), `step` the fine one [s]. `courses` (m, 5,
+    3) are what a discrepancy of the model of 1 moves along each of `nuisances.COURSES`. SI units,
+    columns of `predict.CHANNELS`.
     """
 
     run: Run
@@ -53,23 +58,30 @@ class Log(msgspec.Struct, frozen=True):
         return self.course.load
 
     def at_stamps(self, model: Model, skew: Signal, zeros: Signal) -> Signal:
-        """What the sensors read by a model at the stamps of the log, (n, 5), SI units, columns of `predict.CHANNELS`.
+        """What the sensors read by a model at the stamps of the log, (n, 5), SI units, columns of
+        `predict.CHANNELS`.
 
         Parameters
         ----------
         skew, zeros : (5,) delay of the reading of each channel [s], and its zero
         """
-        return self.course.at_stamps(self.course.on_grid(model, skew=skew)) + self.offset_at_stamps + zeros
+        return (
+            self.course.at_stamps(self.course.on_grid(model, skew=skew))
+            + self.offset_at_stamps
+            + zeros
+        )
 
 
 def _levels(blocks: Blocks, predicted: Signal) -> Signal:
     """Level of each channel in each phase, (3, 5): 0 in phases that a log lacks.
 
-    In hold the generator runs down within a few blocks: the level of its voltage and current is that of the whole log.
+    In hold the generator runs down within a few blocks: the level of its voltage and current is
+    that of the whole log.
 
     Parameters
     ----------
-    predicted : (m, 5) blocks of the model of the rig file; the level of the pressure is its swing over the log
+    predicted : (m, 5) blocks of the model of the rig file; the level of the pressure is its swing
+        over the log
     """
     level = np.zeros((len(PHASES), len(CHANNELS)))
     for phase in range(len(PHASES)):
@@ -84,13 +96,17 @@ def _levels(blocks: Blocks, predicted: Signal) -> Signal:
 
 
 VANISHING = 1e-9
-"""Share of its largest value in the log below which a signal is none in a phase: a capacitor decays to any value. [1]"""
+"""Share of its largest value in the log below which a signal is none in a phase: a capacitor
+decays to any value. [1]
+"""
 
 
 def _courses(course: Course, predicted: Signal, level: Signal) -> Signal:
-    """What a discrepancy of the model of 1 moves, (m, 5, 3): the plateau of each channel in the log, along `COURSES`.
+    """What a discrepancy of the model of 1 moves, (m, 5, 3): the plateau of each channel in the
+    log, along `COURSES`.
 
-    The plateau is the largest level of a phase: sensors and models deviate by a share of what a run reaches, also in haul-in.
+    The plateau is the largest level of a phase: sensors and models deviate by a share of what a run
+    reaches, also in haul-in.
 
     Parameters
     ----------
@@ -99,8 +115,12 @@ def _courses(course: Course, predicted: Signal, level: Signal) -> Signal:
     """
     blocks, plateau = course.blocks, np.max(level, axis=0)
     speed = np.abs(blocks.mean(course.run.channels["velocity"]))
-    signals = np.column_stack([np.ones(blocks.size), speed, np.abs(predicted[:, CHANNELS.index("idc")])])
-    vanishing = np.maximum(VANISHING * np.max(signals, axis=0, initial=0.0), np.finfo(np.float64).tiny)
+    signals = np.column_stack(
+        [np.ones(blocks.size), speed, np.abs(predicted[:, CHANNELS.index("idc")])]
+    )
+    vanishing = np.maximum(
+        VANISHING * np.max(signals, axis=0, initial=0.0), np.finfo(np.float64).tiny
+    )
     found = np.zeros((blocks.size, len(CHANNELS), len(COURSES)))
     for phase in range(len(PHASES)):
         here = np.flatnonzero(blocks.phase == phase)
@@ -113,18 +133,26 @@ def _courses(course: Course, predicted: Signal, level: Signal) -> Signal:
 
 
 def with_channels_of(model: Model, run: Run) -> Run:
-    """A log without the channels of the fit that the rig does not have, such as the pressure without gas."""
+    """A log without the channels of the fit that the rig does not have, such as the pressure
+    without gas.
+    """
     foreign = set(CHANNELS) - set(read_by(model))
     kept = {name: x for name, x in run.channels.items() if name not in foreign}
     return msgspec.structs.replace(run, channels=kept) if len(kept) < len(run.channels) else run
 
 
 USUAL = 3.0
-"""Number of payouts at a load for which the discrepancy of a single block is stated; more of them are repeats."""
+"""Number of payouts at a load for which the discrepancy of a single block is stated; more of
+them are repeats.
+"""
 
 
-def repeats_of(runs: Sequence[Run], blocks: Sequence[Blocks], withheld: Collection[int]) -> list[float]:
-    """How often each log is repeated: payouts at its load over all logs that take part, over the usual number, at least 1."""
+def repeats_of(
+    runs: Sequence[Run], blocks: Sequence[Blocks], withheld: Collection[int]
+) -> list[float]:
+    """How often each log is repeated: payouts at its load over all logs that take part, over the
+    usual number, at least 1.
+    """
     payouts: dict[float | None, int] = {}
     for k, (run, own) in enumerate(zip(runs, blocks, strict=True)):
         if k not in withheld:
@@ -133,21 +161,27 @@ def repeats_of(runs: Sequence[Run], blocks: Sequence[Blocks], withheld: Collecti
 
 
 def means_over(blocks: Blocks, run: Run) -> Signal:
-    """Means of the channels of a run over blocks, (m, 5), SI units, columns of `predict.CHANNELS`; 0 for one that it lacks."""
+    """Means of the channels of a run over blocks, (m, 5), SI units, columns of
+    `predict.CHANNELS`; 0 for one that it lacks.
+    """
     nothing = np.zeros(run.t.size)
     return np.column_stack([blocks.mean(run.channels.get(name, nothing)) for name in CHANNELS])
 
 
-def log_for_fit(rig: Rig, nominal: Model, scale: MotionScale, run: Run, blocks: Blocks, repeats: float) -> Log:
+def log_for_fit(
+    rig: Rig, nominal: Model, scale: MotionScale, run: Run, blocks: Blocks, repeats: float
+) -> Log:
     """Prepare a log.
 
     Parameters
     ----------
     scale : scales of the motion of the campaign
-    repeats : how often it is repeated; the discrepancy of a block is the same in repeats, so that all of them together must
-        tell no more of the model than one
+    repeats : how often it is repeated; the discrepancy of a block is the same in repeats, so that
+        all of them together must tell no more of the model than one
     """
-    course, finely = (Course(run, blocks, resolving(nominal, scale, share), scale) for share in (COARSE, STEP))
+    course, finely = (
+        Course(run, blocks, resolving(nominal, scale, share), scale) for share in (COARSE, STEP)
+    )
     grid, fine_grid = course.on_grid(nominal), finely.on_grid(nominal)
     coarse, fine = course.block_mean(grid), finely.block_mean(fine_grid)
     at_stamps = course.at_stamps(grid)
@@ -186,7 +220,9 @@ def _in_a_block(blocks: Blocks, at_stamps: Signal, level: Signal) -> Signal:
 
 
 def whitener_of_blocks(noise: Noise) -> Signal:
-    """Inverse Cholesky factor of each block's covariance: own variances and the velocity's, which all channels share."""
+    """Inverse Cholesky factor of each block's covariance: own variances and the velocity's,
+    which all channels share.
+    """
     own = np.where(noise.seen, noise.own_total, 1.0)
     drive = np.where(noise.seen, noise.drive, 0.0)
     covariance = drive[:, :, None] * drive[:, None, :]

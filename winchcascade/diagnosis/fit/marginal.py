@@ -1,8 +1,9 @@
 """A problem of least squares with its nuisances integrated out.
 
-Whitened residuals z are linear in the nuisances nu about one place, each nuisance with a unit normal prior about 0. Integrated
-out, they leave a normal distribution of covariance C = I + J J'. One multiplication by C^(-1/2) makes independent numbers of
-unit variance of the residuals again, and what remains is a small bounded problem in the fields of a few effects.
+Whitened residuals z are linear in the nuisances nu about one place, each nuisance with a unit
+normal prior about 0. Integrated out, they leave a normal distribution of covariance C = I + J J'.
+One multiplication by C^(-1/2) makes independent numbers of unit variance of the residuals again,
+and what remains is a small bounded problem in the fields of a few effects.
 """
 
 from __future__ import annotations
@@ -26,13 +27,19 @@ HUBER = 3.0
 """Whitened residuals beyond this count by their magnitude, not by their square (Huber 1964)."""
 
 WILD = 1e6
-"""A whitened residual is no larger than this, and so is one of numbers with which nothing can be simulated."""
+"""A whitened residual is no larger than this, and so is one of numbers with which nothing can be
+simulated.
+"""
 
 IDLE = 1e-12
-"""A direction in which all nuisances together move less than this share of the squares of the first moves nothing. [1]"""
+"""A direction in which all nuisances together move less than this share of the squares of the
+first moves nothing. [1]
+"""
 
 ROUNDS, SETTLED = 100, 1e-2
-"""Maximum number of steps to the best nuisances, and the improvement of the objective below which they are found."""
+"""Maximum number of steps to the best nuisances, and the improvement of the objective below
+which they are found.
+"""
 
 
 def huber(z: Signal) -> float:
@@ -47,7 +54,9 @@ def weights(z: Signal) -> Signal:
 
 
 class Columns(NamedTuple):
-    """Derivative of a prediction, whitened, over nuisances: `dense` (n, k), then `local` (n, q) of those of few rows."""
+    """Derivative of a prediction, whitened, over nuisances: `dense` (n, k), then `local` (n, q)
+    of those of few rows.
+    """
 
     dense: Signal
     local: csr_array
@@ -64,10 +73,14 @@ class Columns(NamedTuple):
     def squared(self) -> Signal:
         """The columns times each other, (k + q, k + q)."""
         across = self.local.T @ self.dense
-        return np.block([[self.dense.T @ self.dense, across.T], [across, (self.local.T @ self.local).toarray()]])
+        return np.block(
+            [[self.dense.T @ self.dense, across.T], [across, (self.local.T @ self.local).toarray()]]
+        )
 
     def usable(self) -> Columns:
-        """The columns without those of nuisances with which nothing can be simulated: they move nothing."""
+        """The columns without those of nuisances with which nothing can be simulated: they move
+        nothing.
+        """
         fine = np.all(np.abs(self.dense) < WILD, axis=0)
         return self if fine.all() else Columns(np.where(fine, self.dense, 0.0), self.local)
 
@@ -81,7 +94,9 @@ Together = tuple[frozenset[str], ...]
 
 
 def are_together(exclusive: Sequence[Together], one: str, other: str) -> bool:
-    """Whether two suspects change the two numbers of which the residuals know one combination alone."""
+    """Whether two suspects change the two numbers of which the residuals know one combination
+    alone.
+    """
     pairs = (groups for groups in exclusive if len(groups) == 2)
     return any(all({one, other} & group for group in groups) for groups in pairs)
 
@@ -95,15 +110,21 @@ class Problem(Protocol):
 
     @property
     def groups(self) -> NDArray[np.intp]:
-        """Number of the group of each residual, (n,): residuals of one group are not independent."""
+        """Number of the group of each residual, (n,): residuals of one group are not
+        independent.
+        """
 
     @property
     def begins(self) -> Mapping[str, Sequence[float]]:
-        """Values of the only field of some suspects from which a fit may begin, far from where they are absent."""
+        """Values of the only field of some suspects from which a fit may begin, far from where
+        they are absent.
+        """
 
     @property
     def exclusive(self) -> Sequence[Together]:
-        """Groups of suspects of which no set holds one of each: the residuals know them together alone."""
+        """Groups of suspects of which no set holds one of each: the residuals know them together
+        alone.
+        """
 
     def price(self, name: str) -> float:
         """Logarithm of the prior odds against a suspect [1]."""
@@ -118,11 +139,13 @@ class Problem(Protocol):
         nu: Signal,
         near: Sequence[ActiveEffect] | None = None,
     ) -> Signal:
-        """Measured minus predicted with each of several lists of effects and some nuisances, whitened, (n, k).
+        """Measured minus predicted with each of several lists of effects and some nuisances,
+        whitened, (n, k).
 
         Parameters
         ----------
-        near : effects that each list differs from by a small change, so that it may follow a derivative
+        near : effects that each list differs from by a small change, so that it may follow a
+            derivative
         """
 
     def nuisance_columns(self, effects: Sequence[ActiveEffect], nu: Signal) -> Columns:
@@ -142,7 +165,11 @@ class Marginal:
         columns = columns.usable()
         self.place, self.columns, self._moved = place, columns, columns @ place
         square, ways = np.linalg.eigh(columns.squared())
-        keep = square > IDLE * max(float(square[-1]), 1e-300) if square.size else np.zeros(0, dtype=bool)
+        keep = (
+            square > IDLE * max(float(square[-1]), 1e-300)
+            if square.size
+            else np.zeros(0, dtype=bool)
+        )
         self._square, self._ways = square, ways = square[keep], ways[:, keep]
         self._shrink = (ways * ((1.0 - 1.0 / np.sqrt(1.0 + square)) / square)) @ ways.T
         self._stretch = (ways * ((np.sqrt(1.0 + square) - 1.0) / square)) @ ways.T
@@ -157,15 +184,20 @@ class Marginal:
         scale : square by which the noise exceeds its estimate
         """
         return np.asarray(
-            np.eye(self._ways.shape[0]) - (self._ways * (self._square / (scale + self._square))) @ self._ways.T
+            np.eye(self._ways.shape[0])
+            - (self._ways * (self._square / (scale + self._square))) @ self._ways.T
         )
 
     def __call__(self, z: Signal) -> Signal:
-        """Residuals, (n, ...), as independent numbers of unit variance, nuisances included: C^(-1/2) z."""
+        """Residuals, (n, ...), as independent numbers of unit variance, nuisances included:
+        C^(-1/2) z.
+        """
         return np.asarray(z - self.columns @ (self._shrink @ self.columns.onto(z)))
 
     def centred(self, z: Signal) -> Signal:
-        """Residuals at the place, (n, ...), as they are for nuisances of 0, which the prior is centred at."""
+        """Residuals at the place, (n, ...), as they are for nuisances of 0, which the prior is
+        centred at.
+        """
         return np.asarray(z + self._moved.reshape(-1, *(1,) * (z.ndim - 1)))
 
     def undone(self, r: Signal) -> Signal:
@@ -185,12 +217,16 @@ class Marginal:
             if loss - now < SETTLED:
                 break
             loss = now
-            nu = np.clip(nu + self.spread @ (self.columns.onto(weights(left) * left) - nu), -reach, reach)
+            nu = np.clip(
+                nu + self.spread @ (self.columns.onto(weights(left) * left) - nu), -reach, reach
+            )
             left = z - self.columns @ nu
         return nu, left
 
     def masked(self, rows: Signal) -> Marginal:
-        """The same with each row times a weight, (n,); 0 for what takes no part. It is kept: many sets are held out alike."""
+        """The same with each row times a weight, (n,); 0 for what takes no part. It is kept:
+        many sets are held out alike.
+        """
         which = blake2b(rows.tobytes()).digest()
         if which not in self._masked:
             self._masked[which] = Marginal(self.place, self.columns.masked(rows))

@@ -1,4 +1,6 @@
-"""Some logs on one rig as one fit: their blocks, the prediction of the model, and whitened residuals."""
+"""Some logs on one rig as one fit: their blocks, the prediction of the model, and whitened
+residuals.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,12 @@ from winchcascade.diagnosis.fit.block_means import (
     in_a_row,
 )
 from winchcascade.diagnosis.fit.block_noise import with_ramps
-from winchcascade.diagnosis.fit.fitted_log import log_for_fit, repeats_of, whitener_of_blocks, with_channels_of
+from winchcascade.diagnosis.fit.fitted_log import (
+    log_for_fit,
+    repeats_of,
+    whitener_of_blocks,
+    with_channels_of,
+)
 from winchcascade.diagnosis.fit.marginal import Columns
 from winchcascade.diagnosis.fit.nearby import Nearby
 from winchcascade.diagnosis.fit.nuisances import COURSES, LOAD, Nuisance, nuisances
@@ -109,17 +116,28 @@ class Fitted:
         self.seen = np.concatenate([log.noise.seen for log in self.logs])
         self.noise = np.concatenate([log.noise.total for log in self.logs])
         self.logged_noise = np.concatenate([log.noise.logged for log in self.logs])
-        self.whitener = self._whitener_of(np.concatenate([whitener_of_blocks(log.noise) for log in self.logs]))
+        self.whitener = self._whitener_of(
+            np.concatenate([whitener_of_blocks(log.noise) for log in self.logs])
+        )
         self.local = self.whitener @ self._local_columns()
 
     def with_ramps(self, residual: Signal) -> Fitted | None:
-        """The logs with the scatter of a residual within slow ramps, (M, 5), as noise; None where it is no more than noise."""
+        """The logs with the scatter of a residual within slow ramps, (M, 5), as noise; None
+        where it is no more than noise.
+        """
         logs = []
         for log, rows in zip(self.logs, self.rows, strict=True):
             blocks = log.course.blocks
             speed = blocks.mean(log.run.channels["velocity"])
-            logs.append(msgspec.structs.replace(log, noise=with_ramps(log.noise, blocks, residual[rows], speed)))
-        if all(np.array_equal(new.noise.own, old.noise.own) for new, old in zip(logs, self.logs, strict=True)):
+            logs.append(
+                msgspec.structs.replace(
+                    log, noise=with_ramps(log.noise, blocks, residual[rows], speed)
+                )
+            )
+        if all(
+            np.array_equal(new.noise.own, old.noise.own)
+            for new, old in zip(logs, self.logs, strict=True)
+        ):
             return None
         found = copy(self)
         found.logs = logs
@@ -128,10 +146,16 @@ class Fitted:
 
     def moves(self, nu: Signal, *kinds: str) -> list[tuple[Nuisance, float]]:
         """Nuisances of some kinds that move, and by how much, in their own unit."""
-        return [(n, float(nu[j]) * n.sd) for kind in kinds for j, n in self._of_kind.get(kind, ()) if nu[j]]
+        return [
+            (n, float(nu[j]) * n.sd)
+            for kind in kinds
+            for j, n in self._of_kind.get(kind, ())
+            if nu[j]
+        ]
 
     def model(self, nu: Signal, effects: Sequence[ActiveEffect]) -> Model:
-        """The model of the rig: its numbers and laws moved by nuisances in units of their tolerance, then changed by effects.
+        """The model of the rig: its numbers and laws moved by nuisances in units of their
+        tolerance, then changed by effects.
 
         Loads and gains are as they are stated, and so are entries that concern one log.
         """
@@ -151,7 +175,9 @@ class Fitted:
         found = [changed(model, LOAD, "compound", loads.get(log.load, 0.0)) for log in self.logs]
         for effect in (*self.stated_by_run, *effects):
             if effect.effect.over_runs is not None:
-                found = [effect.in_run(RunPlace(self.order, k)).apply(one) for k, one in enumerate(found)]
+                found = [
+                    effect.in_run(RunPlace(self.order, k)).apply(one) for k, one in enumerate(found)
+                ]
             elif log_of(effect) >= 0:
                 found[log_of(effect)] = effect.apply(found[log_of(effect)])
         return found
@@ -171,18 +197,27 @@ class Fitted:
         return zeros
 
     def discrepancy(self, nu: Signal) -> list[Signal]:
-        """What the discrepancy of the model adds to the blocks of each log, (m, 5) each, SI units."""
+        """What the discrepancy of the model adds to the blocks of each log, (m, 5) each, SI
+        units.
+        """
         numbers, sd, loads, places = self._deviations
         if not nu[numbers].any():
             return [np.zeros_like(log.measured) for log in self.logs]
         share = np.zeros((len(loads), len(PHASES), len(CHANNELS), len(COURSES)))
         np.add.at(share, places, nu[numbers] * sd)
-        return [np.sum(log.courses * share[loads[log.load]][log.course.blocks.phase], axis=2) for log in self.logs]
+        return [
+            np.sum(log.courses * share[loads[log.load]][log.course.blocks.phase], axis=2)
+            for log in self.logs
+        ]
 
-    def _places_of_deviations(self) -> tuple[NDArray[np.intp], Signal, dict[float, int], tuple[NDArray[np.intp], ...]]:
-        """Numbers of the nuisances of the discrepancy, one row for each load that they concern, with standard deviations.
+    def _places_of_deviations(
+        self,
+    ) -> tuple[NDArray[np.intp], Signal, dict[float, int], tuple[NDArray[np.intp], ...]]:
+        """Numbers of the nuisances of the discrepancy, one row for each load that they concern,
+        with standard deviations.
 
-        Also the row of each load, and where a nuisance stands among loads, phases, channels and courses.
+        Also the row of each load, and where a nuisance stands among loads, phases, channels and
+        courses.
         """
         loads = {load: row for row, load in enumerate(dict.fromkeys(log.load for log in self.logs))}
         found = [
@@ -194,27 +229,44 @@ class Fitted:
         return numbers.astype(np.intp), sd, loads, tuple(place.astype(np.intp) for place in places)
 
     def discrepancies(self) -> Signal:
-        """Standard deviation of the discrepancy of the model along each of its courses, (M, 5, courses), SI units."""
+        """Standard deviation of the discrepancy of the model along each of its courses, (M, 5,
+        courses), SI units.
+        """
         sd = self.rig.model.discrepancy / math.sqrt(len(COURSES))
         return np.concatenate([log.courses * sd for log in self.logs])
 
-    def predict(self, nu: Signal, effects: Sequence[ActiveEffect], logs: Iterable[int] | None = None) -> Signal:
-        """Blocks that the model gives, (M, 5), with zeros of sensors and discrepancy of the model; of some logs where named."""
+    def predict(
+        self, nu: Signal, effects: Sequence[ActiveEffect], logs: Iterable[int] | None = None
+    ) -> Signal:
+        """Blocks that the model gives, (M, 5), with zeros of sensors and discrepancy of the
+        model; of some logs where named.
+        """
         return self.predictions([(nu, effects)], logs)[:, :, 0]
 
     def predictions(self, variants: Sequence[Variant], logs: Iterable[int] | None = None) -> Signal:
         """Blocks that several models give, (M, 5, variants), each as `predict` gives them."""
         which = range(len(self.logs)) if logs is None else sorted(logs)
-        models, skews = [self.models(*variant) for variant in variants], [self.skew(nu) for nu, _ in variants]
-        zeros, deviations = [self.zeros(nu) for nu, _ in variants], [self.discrepancy(nu) for nu, _ in variants]
+        models, skews = (
+            [self.models(*variant) for variant in variants],
+            [self.skew(nu) for nu, _ in variants],
+        )
+        zeros, deviations = (
+            [self.zeros(nu) for nu, _ in variants],
+            [self.discrepancy(nu) for nu, _ in variants],
+        )
 
         def of_log(k: int) -> Signal:
             log = self.logs[k]
             each = zip(models, skews, zeros, deviations, strict=True)
-            several = [log.course.predict(own[k], skew=skew) + zero[k] + off[k] for own, skew, zero, off in each]
+            several = [
+                log.course.predict(own[k], skew=skew) + zero[k] + off[k]
+                for own, skew, zero, off in each
+            ]
             return np.stack(several, axis=2) + log.offset[:, :, None]
 
-        return np.concatenate(all_at_once([partial(of_log, k) for k in which], [self.sizes[k] for k in which]))
+        return np.concatenate(
+            all_at_once([partial(of_log, k) for k in which], [self.sizes[k] for k in which])
+        )
 
     def nearby(self, place: Variant) -> Nearby:
         """A place and the derivatives that were taken there; the newest `PLACES` are kept."""
@@ -223,22 +275,30 @@ class Fitted:
         found = self._places.pop(key, None)
         if found is None:
             courses = [log.course for log in self.logs]
-            found = Nearby(courses, self.models(nu, effects), self.skew(nu), self.predict(nu, effects))
+            found = Nearby(
+                courses, self.models(nu, effects), self.skew(nu), self.predict(nu, effects)
+            )
         self._places[key] = found
         while len(self._places) > PLACES:
             del self._places[next(iter(self._places))]
         return found
 
     def predictions_near(self, place: Variant, variants: Sequence[Variant]) -> Signal:
-        """Blocks that several models near to a place give, (M, 5, variants): the change of a single number by its derivative.
+        """Blocks that several models near to a place give, (M, 5, variants): the change of a single
+        number by its derivative.
 
         Zeros of sensors and discrepancy of the model are those of the place.
         """
-        models, skews = [self.models(*variant) for variant in variants], [self.skew(nu) for nu, _ in variants]
+        models, skews = (
+            [self.models(*variant) for variant in variants],
+            [self.skew(nu) for nu, _ in variants],
+        )
         return self.nearby(place).predictions(models, skews)
 
     def cells(self) -> Iterator[tuple[int, int, int, NDArray[np.intp]]]:
-        """Every channel in every phase of every log: numbers of log, channel and phase, and of the blocks that count there."""
+        """Every channel in every phase of every log: numbers of log, channel and phase, and of
+        the blocks that count there.
+        """
         for log, rows in enumerate(self.rows):
             for k in range(len(CHANNELS)):
                 for phase in range(len(PHASES)):
@@ -246,14 +306,17 @@ class Fitted:
                     yield log, k, phase, rows.start + np.flatnonzero(here)
 
     def without_zeros(self, residual: Signal) -> Signal:
-        """Residual blocks of every log, (M, 5), without the zeros of each log: weighted means, at most `ZERO_REACH` tolerances.
+        """Residual blocks of every log, (M, 5), without the zeros of each log: weighted means, at
+        most `ZERO_REACH` tolerances.
 
         Parameters
         ----------
         residual : (M, 5) measured minus predicted blocks, no zero taken off
         """
         left = residual.copy()
-        for rows, log, u_zero in zip(self.rows, self.logs, self.zeros(np.ones(len(self.nuisances))), strict=True):
+        for rows, log, u_zero in zip(
+            self.rows, self.logs, self.zeros(np.ones(len(self.nuisances))), strict=True
+        ):
             with np.errstate(divide="ignore", invalid="ignore"):
                 weight = np.where(log.noise.seen, 1.0 / log.noise.total**2, 0.0)
                 prior = np.where(u_zero > 0.0, 1.0 / u_zero**2, np.inf)
@@ -262,10 +325,11 @@ class Fitted:
         return left
 
     def _whitener_of(self, of_blocks: Signal) -> csr_array:
-        """Matrix that turns residual blocks in a row into independent numbers of unit variance, (M * 5, M * 5).
+        """Matrix that turns residual blocks in a row into independent numbers of unit variance, (M
+        * 5, M * 5).
 
-        A channel without information in a block gives zeros, and so does a withheld log. Within a phase, a share `RHO` of the
-        block before is subtracted.
+        A channel without information in a block gives zeros, and so does a withheld log. Within a
+        phase, a share `RHO` of the block before is subtracted.
 
         Parameters
         ----------
@@ -273,16 +337,23 @@ class Fitted:
         """
         from scipy.sparse import bsr_array, csr_array, diags_array, eye_array, kron
 
-        taking = np.concatenate([np.full(size, k not in self.withheld) for k, size in enumerate(self.sizes)])
+        taking = np.concatenate(
+            [np.full(size, k not in self.withheld) for k, size in enumerate(self.sizes)]
+        )
         size, joined = of_blocks.shape[0], self.blocks.joined
         own = bsr_array((of_blocks * taking[:, None, None], np.arange(size), np.arange(size + 1)))
         share = 1.0 / math.sqrt(1.0 - RHO * RHO)
-        diagonals = [np.where(joined, share, 1.0).tolist(), np.where(joined[1:], -RHO * share, 0.0).tolist()]
+        diagonals = [
+            np.where(joined, share, 1.0).tolist(),
+            np.where(joined[1:], -RHO * share, 0.0).tolist(),
+        ]
         before = diags_array(diagonals, offsets=[0, -1])
         return csr_array(kron(before, eye_array(len(CHANNELS)), format="csr") @ own.tocsr())
 
     def whiten(self, residual: Signal) -> Signal:
-        """Residual blocks as independent numbers of unit variance, (M * 5, ...) from (M, 5, ...)."""
+        """Residual blocks as independent numbers of unit variance, (M * 5, ...) from (M, 5,
+        ...).
+        """
         rows = residual.shape[0] * len(CHANNELS)
         return np.asarray(self.whitener @ residual.reshape(rows, *residual.shape[2:]))
 
@@ -290,7 +361,9 @@ class Fitted:
         """Measured minus predicted blocks, whitened, (M * 5,)."""
         return self.whiten(self.measured - self.predict(nu, effects))
 
-    def columns(self, nu: Signal, effects: Sequence[ActiveEffect], used: Signal | None = None) -> Columns:
+    def columns(
+        self, nu: Signal, effects: Sequence[ActiveEffect], used: Signal | None = None
+    ) -> Columns:
         """Whitened derivative of the prediction over the nuisances.
 
         Parameters
@@ -301,7 +374,9 @@ class Fitted:
         return Columns(self.whiten(moved if used is None else moved * used[:, None]), self.local)
 
     def tolerances(self, nu: Signal, effects: Sequence[ActiveEffect]) -> Signal:
-        """What one tolerance of each nuisance that is simulated moves, (M, 5, `simulated`), SI units."""
+        """What one tolerance of each nuisance that is simulated moves, (M, 5, `simulated`), SI
+        units.
+        """
         at = self.nearby((nu, effects)).at
         columns, one = np.zeros((*at.shape, self.simulated)), np.eye(nu.size)
         moved = [j for j, n in enumerate(self.nuisances[: self.simulated]) if n.kind != "gain"]
@@ -315,8 +390,15 @@ class Fitted:
         """What one tolerance of each nuisance that is not simulated moves, (M * 5, q), SI units."""
         from scipy.sparse import csr_array, hstack
 
-        columns = [csr_array((n.sd * self._moved_by(n)).reshape(-1, 1)) for n in self.nuisances[self.simulated :]]
-        return csr_array(hstack(columns, format="csr")) if columns else csr_array((self.measured.size, 0))
+        columns = [
+            csr_array((n.sd * self._moved_by(n)).reshape(-1, 1))
+            for n in self.nuisances[self.simulated :]
+        ]
+        return (
+            csr_array(hstack(columns, format="csr"))
+            if columns
+            else csr_array((self.measured.size, 0))
+        )
 
     def _moved_by(self, n: Nuisance) -> Signal:
         """What a nuisance of 1 that is not simulated moves, (M, 5), SI units."""
@@ -331,7 +413,9 @@ class Fitted:
 
 
 PART = 0.2
-"""Share of a tolerance by which derivatives are taken: wide tolerances are not linear as a whole."""
+"""Share of a tolerance by which derivatives are taken: wide tolerances are not linear as a
+whole.
+"""
 
 LOCAL = ("zero", "discrepancy")
 """Kinds of nuisances that are not simulated; they come last."""
@@ -351,11 +435,19 @@ def differs_by_run(effect: ActiveEffect) -> bool:
 def _without_changes_by_run(rig: Rig) -> tuple[Rig, list[ActiveEffect]]:
     """A rig without the effects it states that change from run to run, and these."""
     by_run = [effect for effect in stated_effects(rig) if effect.effect.over_runs is not None]
-    kept = {name: stated for name, stated in rig.effects.items() if name not in {one.effect.name for one in by_run}}
+    kept = {
+        name: stated
+        for name, stated in rig.effects.items()
+        if name not in {one.effect.name for one in by_run}
+    }
     return msgspec.structs.replace(rig, effects=kept), by_run
 
 
 def _order(runs: Sequence[Run]) -> RunOrder:
     """When the runs were made, the heat of their currents and their temperatures."""
-    squares = tuple(float(np.mean(run.channels["idc"] ** 2)) if "idc" in run.channels else 0.0 for run in runs)
-    return order_of(tuple(run.started for run in runs), squares, tuple(run.temperature for run in runs))
+    squares = tuple(
+        float(np.mean(run.channels["idc"] ** 2)) if "idc" in run.channels else 0.0 for run in runs
+    )
+    return order_of(
+        tuple(run.started for run in runs), squares, tuple(run.temperature for run in runs)
+    )

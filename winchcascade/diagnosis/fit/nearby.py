@@ -1,7 +1,8 @@
-"""What small changes move about one place of a fit, with one derivative for each number of the model and log.
+"""What small changes move about one place of a fit, with one derivative for each number of the
+model and log.
 
-A tolerance of the rig file and a suspect often change the same number, and a load that of one log alone: the derivative over
-a number is taken once, and serves all that change it.
+A tolerance of the rig file and a suspect often change the same number, and a load that of one log
+alone: the derivative over a number is taken once, and serves all that change it.
 """
 
 from __future__ import annotations
@@ -24,11 +25,13 @@ if TYPE_CHECKING:
 
 
 class Nearby:
-    """A place of a fit: the model of each log, the delay of the reading of each channel, (5,) [s], the prediction `at` it,
-    (M, 5) in SI units, and the derivatives that were taken there.
+    """A place of a fit: the model of each log, the delay of the reading of each channel, (5,) [s],
+    the prediction `at` it, (M, 5) in SI units, and the derivatives that were taken there.
     """
 
-    def __init__(self, courses: Sequence[Course], models: Sequence[Model], skew: Signal, at: Signal) -> None:
+    def __init__(
+        self, courses: Sequence[Course], models: Sequence[Model], skew: Signal, at: Signal
+    ) -> None:
         self._courses, self._models, self._skew, self.at = courses, models, skew, at
         self._sizes = [course.blocks.size for course in courses]
         self._rows = [slice(a, b) for a, b in pairwise(np.cumsum([0, *self._sizes]).tolist())]

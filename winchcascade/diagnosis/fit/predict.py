@@ -27,16 +27,19 @@ GRID = 1 / 43
 """Solutions are kept at this spacing over the ramp of the motion. [1]"""
 
 SEEN = ("clutch", "vdc")
-"""Columns of `kernel.SHAFT` that the sensors depend on: torque of the clutch [N m] and DC voltage [V]."""
+"""Columns of `kernel.SHAFT` that the sensors depend on: torque of the clutch [N m] and DC
+voltage [V].
+"""
 
 
 class Course:
     """The line motion of one log, ready to be simulated many times, and its blocks.
 
-    `scale` are the scales of the motion of its campaign. `v` is the velocity at every step [m/s], `coarse` the motion on the
-    grid, `displacement` that of the line at the stamps [m].
+    `scale` are the scales of the motion of its campaign. `v` is the velocity at every step [m/s],
+    `coarse` the motion on the grid, `displacement` that of the line at the stamps [m].
 
-    Solutions of the shaft are kept by the numbers that they depend on: an effect of the gas costs none anew.
+    Solutions of the shaft are kept by the numbers that they depend on: an effect of the gas costs
+    none anew.
     """
 
     def __init__(self, run: Run, blocks: Blocks, step: float, scale: MotionScale) -> None:
@@ -65,7 +68,9 @@ class Course:
             while len(self._kept) >= self.max_kept:
                 del self._kept[next(iter(self._kept))]
         else:
-            solved = self._kept.pop(key)  # and put it last: what begins several fits is used again and again
+            solved = self._kept.pop(
+                key
+            )  # and put it last: what begins several fits is used again and again
         self._kept[key] = solved
         return solved
 
@@ -78,7 +83,8 @@ class Course:
         return solve_shaft(self.v if gain == 1.0 else self.v * gain, self.step, numbers, self.every)
 
     def on_grid(self, model: Model, gain: float = 1.0, skew: Signal | None = None) -> Signal:
-        """What the sensors read along the course, (n, 5) on the grid: columns of `CHANNELS`, SI units.
+        """What the sensors read along the course, (n, 5) on the grid: columns of `CHANNELS`, SI
+        units.
 
         Parameters
         ----------
@@ -98,14 +104,20 @@ class Course:
         delays = np.zeros(len(CHANNELS)) if skew is None else skew / self.coarse.step
         channels = [*others, vdc, vdc / numbers.shaft.load]
         means = [self._mean_of_late(x, by) for x, by in zip(channels, delays.tolist(), strict=True)]
-        return np.column_stack([model.sensors.read(name, x) for name, x in zip(CHANNELS, means, strict=True)])
+        return np.column_stack(
+            [model.sensors.read(name, x) for name, x in zip(CHANNELS, means, strict=True)]
+        )
 
     def _mean_of_late(self, x: Signal, steps: float) -> Signal:
-        """Mean over the blocks, (m,), of a signal on the grid, (n,), read late by a number of its steps, as `readings.late`."""
+        """Mean over the blocks, (m,), of a signal on the grid, (n,), read late by a number of
+        its steps, as `readings.late`.
+        """
         whole = math.floor(steps)
         part = steps - whole
         mean = self._late_by(whole) @ x
-        return np.asarray(mean if part == 0.0 else (1.0 - part) * mean + part * (self._late_by(whole + 1) @ x))
+        return np.asarray(
+            mean if part == 0.0 else (1.0 - part) * mean + part * (self._late_by(whole + 1) @ x)
+        )
 
     def _late_by(self, steps: int) -> csr_array:
         """`matrix` for a signal that is read late by whole steps of the grid."""
@@ -114,7 +126,9 @@ class Course:
 
             rows, columns = self.matrix.shape
             before = np.clip(self.matrix.indices - steps, 0, columns - 1)
-            self._late[steps] = csr_array((self.matrix.data, before, self.matrix.indptr), shape=(rows, columns))
+            self._late[steps] = csr_array(
+                (self.matrix.data, before, self.matrix.indptr), shape=(rows, columns)
+            )
         return self._late[steps]
 
     def at_stamps(self, on_grid: Signal) -> Signal:
@@ -129,10 +143,14 @@ class Course:
 
 
 MAX_KEPT = 16
-"""Maximum number of solutions kept for a log; the one that was used longest ago is dropped first."""
+"""Maximum number of solutions kept for a log; the one that was used longest ago is dropped
+first.
+"""
 
 ALL_KEPT = 1200
-"""Maximum number of solutions kept for all logs of a fit, about 0.2 MB each; at least two are kept for each log."""
+"""Maximum number of solutions kept for all logs of a fit, about 0.2 MB each; at least two are
+kept for each log.
+"""
 
 
 def _thinned(motion: LineMotion, every: int) -> LineMotion:
@@ -141,21 +159,28 @@ def _thinned(motion: LineMotion, every: int) -> LineMotion:
 
 
 def _places(t: Signal, grid: Signal) -> tuple[Index, Signal]:
-    """Places of stamps on an even grid: the grid point before each, (n,), and the share of the way to the next, (n,)."""
+    """Places of stamps on an even grid: the grid point before each, (n,), and the share of the
+    way to the next, (n,).
+    """
     place = np.clip((t - grid[0]) / (grid[1] - grid[0]), 0.0, grid.size - 1.0)
     before = np.minimum(place.astype(np.intp), grid.size - 2)
     return before, place - before
 
 
 def _averaging(run: Run, blocks: Blocks, grid: Signal) -> csr_array:
-    """Matrix that takes a signal from the grid to the stamps, by straight lines, and averages it over blocks, (m, n)."""
+    """Matrix that takes a signal from the grid to the stamps, by straight lines, and averages it
+    over blocks, (m, n).
+    """
     from scipy.sparse import csr_array
 
-    samples = np.concatenate([np.arange(a, b) for a, b in zip(blocks.start, blocks.stop, strict=True)])
+    samples = np.concatenate(
+        [np.arange(a, b) for a, b in zip(blocks.start, blocks.stop, strict=True)]
+    )
     row = np.repeat(np.arange(blocks.size), blocks.stop - blocks.start)
     before, share = _places(run.t[samples], grid)
     weight = 1.0 / blocks.count[row]
     data = np.concatenate((weight * (1.0 - share), weight * share))
     return csr_array(
-        (data, (np.concatenate((row, row)), np.concatenate((before, before + 1)))), shape=(blocks.size, grid.size)
+        (data, (np.concatenate((row, row)), np.concatenate((before, before + 1)))),
+        shape=(blocks.size, grid.size),
     )

@@ -24,10 +24,11 @@ if TYPE_CHECKING:
 
 
 class RigProblem(msgspec.Struct, frozen=True):
-    """The logs of a rig as a `Problem`: which effects explain what the model of the rig file leaves.
+    """The logs of a rig as a `Problem`: which effects explain what the model of the rig file
+    leaves.
 
-    `rows` (M * 5,) are weights of the residuals, 0 for what takes no part; None for all. `exclusive` are suspects that
-    change numbers which the logs know together alone.
+    `rows` (M * 5,) are weights of the residuals, 0 for what takes no part; None for all.
+    `exclusive` are suspects that change numbers which the logs know together alone.
     """
 
     data: Fitted
@@ -61,9 +62,15 @@ class RigProblem(msgspec.Struct, frozen=True):
         nu: Signal,
         near: Sequence[ActiveEffect] | None = None,
     ) -> Signal:
-        """Measured minus predicted blocks with each of several lists of effects, whitened, (M * 5, k)."""
+        """Measured minus predicted blocks with each of several lists of effects, whitened, (M *
+        5, k).
+        """
         data, variants = self.data, [(nu, effects) for effects in several]
-        predicted = data.predictions(variants) if near is None else data.predictions_near((nu, near), variants)
+        predicted = (
+            data.predictions(variants)
+            if near is None
+            else data.predictions_near((nu, near), variants)
+        )
         z = data.whiten(data.measured[:, :, None] - predicted)
         z = np.clip(np.nan_to_num(z, nan=WILD), -WILD, WILD)
         return z if self.rows is None else z * self.rows[:, None]

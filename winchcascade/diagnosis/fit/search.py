@@ -1,4 +1,6 @@
-"""The search for the smallest set of effects that explains a problem: sets are screened in closed form and then refitted."""
+"""The search for the smallest set of effects that explains a problem: sets are screened in
+closed form and then refitted.
+"""
 
 from __future__ import annotations
 
@@ -27,42 +29,52 @@ DOUBTFUL = 5.0
 
 
 REFITTED, PAIRED = 3, 12
-"""Number of the sets with the most closed-form evidence that are refitted in each round, and of suspects that are tried with
-another one beside them."""
+"""Number of the sets with the most closed-form evidence that are refitted in each round, and of
+suspects that are tried with another one beside them."""
 
 
 MANY, HOPELESS = 5, 2.0
-"""Number of causes, and residual mean square in squares of the noise, with which the search ends: more causes do not help."""
+"""Number of causes, and residual mean square in squares of the noise, with which the search
+ends: more causes do not help.
+"""
 
 
 MUCH_LOWER = 0.7
-"""Share of the objective that a suspect may leave far from its absence for a fit to begin there. [1]"""
+"""Share of the objective that a suspect may leave far from its absence for a fit to begin there.
+[1]
+"""
 
 
 ROUGH = 0.02
 """Share of its gain to which a set on a path is fitted. [1]"""
 
 FAR = 12.0
-"""Evidence by which a set is so far behind the best that its fit may stay rough: e^-12 of its probability."""
+"""Evidence by which a set is so far behind the best that its fit may stay rough: e^-12 of its
+probability.
+"""
 
 NEAR_ZERO = 2.0
-"""Magnitude of the nuisances, in their tolerances, up to which residuals are linear in them about 0. [1]"""
+"""Magnitude of the nuisances, in their tolerances, up to which residuals are linear in them
+about 0. [1]
+"""
 
 SINGLES = 3
 """Number of the single suspects with the most evidence from which the search starts too."""
 
 
 NEARLY = 0.2
-"""Share of the evidence that a set lacks to the best one that the closed form about it may be wrong by: it weighs residuals as
-they are there, and so foresees too little where they are large. [1]"""
+"""Share of the evidence that a set lacks to the best one that the closed form about it may be wrong
+by: it weighs residuals as they are there, and so foresees too little where they are large. [1]"""
 
 
 class Expansion(msgspec.Struct, frozen=True):
-    """The objective about a fit as a quadratic in the fields of every suspect, nuisances integrated out.
+    """The objective about a fit as a quadratic in the fields of every suspect, nuisances integrated
+    out.
 
-    `columns` (n, K) are the derivative of the residuals, `curve` (K + m, K + m) and `slope` (K + m,) those of the objective
-    without the prior over the K fields and over what m acting suspects do as a whole: without one, the last numbers are 1.
-    `value` (K,) are the fields there; those of a suspect are at its `place`.
+    `columns` (n, K) are the derivative of the residuals, `curve` (K + m, K + m) and `slope` (K +
+    m,) those of the objective without the prior over the K fields and over what m acting suspects
+    do as a whole: without one, the last numbers are 1. `value` (K,) are the fields there; those of
+    a suspect are at its `place`.
     """
 
     evidence: Evidence
@@ -88,13 +100,21 @@ class Expansion(msgspec.Struct, frozen=True):
         inside = np.ix_(own, own)
         if own:
             sd = free.sd[own]
-            slope = (self.slope[own] - self.curve[own] @ step) / scale - (x - free.absent)[own] / sd**2
+            slope = (self.slope[own] - self.curve[own] @ step) / scale - (x - free.absent)[
+                own
+            ] / sd**2
             bounds = free.minimum[own] - x[own], free.maximum[own] - x[own]
-            step[own] = minimum_within(self.curve[inside] / scale + np.diag(sd**-2.0), slope, *bounds)
+            step[own] = minimum_within(
+                self.curve[inside] / scale + np.diag(sd**-2.0), slope, *bounds
+            )
             x[own] += step[own]
-        objective = (0.5 * float(step @ self.curve @ step) - float(self.slope @ step)) / scale + prior_of(x, free)
+        objective = (
+            0.5 * float(step @ self.curve @ step) - float(self.slope @ step)
+        ) / scale + prior_of(x, free)
         left = self.slope[own] - self.curve[own] @ step
-        return self.evidence.weighed(names, x[own], free.some(own), self.curve[inside], left, objective)
+        return self.evidence.weighed(
+            names, x[own], free.some(own), self.curve[inside], left, objective
+        )
 
     def refitted(self, marginal: Marginal, names: Names, best: Fit) -> Fit:
         """The fit of another set, begun from the fit that this is expanded about."""
@@ -118,7 +138,9 @@ def expand(
     """
     suspects, effects = problem.suspects, tuple(problem.suspects)
     place, free = places_of(suspects, effects), freedom(*suspects.values())
-    columns = columns_of(problem, marginal, located(problem, marginal, names, begun(suspects, names, start)), effects)
+    columns = columns_of(
+        problem, marginal, located(problem, marginal, names, begun(suspects, names, start)), effects
+    )
     own = [k for name in names for k in range(free.absent.size)[place[name]]]
     fit, value = fit_set(problem, marginal, names, start, columns[:, own]), free.absent.copy()
     value[own] = fit.x
@@ -126,15 +148,21 @@ def expand(
     without = [[one for other, one in acting.items() if other != name] for name in names]
     removed = np.zeros((fit.r.size, 0))
     if names:
-        removed = marginal(marginal.centred(problem.residuals(without, marginal.place)) - fit.given[:, None])
+        removed = marginal(
+            marginal.centred(problem.residuals(without, marginal.place)) - fit.given[:, None]
+        )
     both = np.hstack([columns, removed])
     weighted = both * weights(fit.r)[:, None]
     curve, slope = weighted.T @ both, -weighted.T @ fit.r
-    return fit, Expansion(Evidence(problem, scale), columns, curve, slope, value, free, place, names)
+    return fit, Expansion(
+        Evidence(problem, scale), columns, curve, slope, value, free, place, names
+    )
 
 
 def neighbours(expansion: Expansion, names: Names) -> list[Names]:
-    """Sets near to one in the order of their closed-form worth: grown by one or two causes, pruned, one cause swapped."""
+    """Sets near to one in the order of their closed-form worth: grown by one or two causes,
+    pruned, one cause swapped.
+    """
     others = [name for name in expansion.place if name not in names]
     grown = [(*names, name) for name in others]
     swapped = [(*(n for n in names if n != gone), name) for gone in names for name in others]
@@ -154,7 +182,9 @@ class Centre(msgspec.Struct, frozen=True):
     marginal: Marginal
 
     def moved_to(self, fit: Fit, evidence: Evidence) -> Expansion:
-        """From where nothing acts to about a single suspect: with the derivatives from here, which is rough but at no cost."""
+        """From where nothing acts to about a single suspect: with the derivatives from here,
+        which is rough but at no cost.
+        """
         here = self.expansion
         fit = located(evidence.problem, self.marginal, fit.names, fit.x)
         value = here.free.absent.copy()
@@ -162,14 +192,18 @@ class Centre(msgspec.Struct, frozen=True):
         both = np.column_stack([here.columns, self.fit.r - fit.r])
         weighted = both * weights(fit.r)[:, None]
         curve, slope = weighted.T @ both, -weighted.T @ fit.r
-        return Expansion(evidence, here.columns, curve, slope, value, here.free, here.place, fit.names)
+        return Expansion(
+            evidence, here.columns, curve, slope, value, here.free, here.place, fit.names
+        )
 
 
 class Found(msgspec.Struct, frozen=True):
-    """What a search found: the best fit, that without any cause, the newest fit of each set, and the expansion about the best.
+    """What a search found: the best fit, that without any cause, the newest fit of each set, and
+    the expansion about the best.
 
-    `centres` are all fits that were expanded about, by their sets. No set of `rejected`, and none with one of the `imitators`,
-    is the best, whatever its evidence. `tried` are sets with the best set from which they were fitted again.
+    `centres` are all fits that were expanded about, by their sets. No set of `rejected`, and none
+    with one of the `imitators`, is the best, whatever its evidence. `tried` are sets with the best
+    set from which they were fitted again.
     """
 
     best: Fit
@@ -198,8 +232,8 @@ class Found(msgspec.Struct, frozen=True):
         return self.expansion.evidence.problem
 
     def fit(self, names: Names, start: Mapping[str, Signal] | None = None) -> Fit:
-        """The fit of a set, begun from the best one where the search made none, or one that is worse than foreseen there; from
-        fields of some suspects where these are named.
+        """The fit of a set, begun from the best one where the search made none, or one that is
+        worse than foreseen there; from fields of some suspects where these are named.
         """
         ordered = tuple(sorted(names))
         known, way = self.fits.get(ordered), (self.best.names, ordered)
@@ -220,7 +254,9 @@ class Found(msgspec.Struct, frozen=True):
 
     def allowed(self, names: Names) -> bool:
         """Whether a set may be the best."""
-        together = any(all(group.intersection(names) for group in groups) for groups in self.problem.exclusive)
+        together = any(
+            all(group.intersection(names) for group in groups) for groups in self.problem.exclusive
+        )
         return not together and names not in self.rejected and self.imitators.isdisjoint(names)
 
     def sets(self) -> dict[Names, Fit]:
@@ -235,7 +271,9 @@ class Found(msgspec.Struct, frozen=True):
     def about(self, fit: Fit) -> Centre:
         """The expansion of the objective about a fit, which replaces older fits of its set."""
         marginal = marginal_about(self.problem, fit.effects(self.problem.suspects), fit.nu)
-        there, expansion = expand(self.problem, marginal, fit.names, start_of(fit), weighing(self).scale)
+        there, expansion = expand(
+            self.problem, marginal, fit.names, start_of(fit), weighing(self).scale
+        )
         self.fits[fit.names], self.centres[fit.names] = there, Centre(there, expansion, marginal)
         return self.centres[fit.names]
 
@@ -243,7 +281,9 @@ class Found(msgspec.Struct, frozen=True):
         """The same with another set as its best, about which the objective was expanded."""
         centre = self.centres[names]
         expansion = msgspec.structs.replace(centre.expansion, evidence=weighing(self))
-        return msgspec.structs.replace(self, best=centre.fit, expansion=expansion, marginal=centre.marginal)
+        return msgspec.structs.replace(
+            self, best=centre.fit, expansion=expansion, marginal=centre.marginal
+        )
 
 
 def start_of(fit: Fit) -> dict[str, Signal]:
@@ -252,15 +292,20 @@ def start_of(fit: Fit) -> dict[str, Signal]:
 
 
 def marginal_about(problem: Problem, effects: Sequence[ActiveEffect], nu: Signal) -> Marginal:
-    """The nuisances of a problem integrated out about some effects and nuisances, these within `REACH`."""
+    """The nuisances of a problem integrated out about some effects and nuisances, these within
+    `REACH`.
+    """
     place = np.clip(nu, -REACH, REACH)
     return Marginal(place, problem.nuisance_columns(effects, place))
 
 
-def search(problem: Problem, on_progress: Callable[[str], None] = lambda _: None, start: Fit | None = None) -> Found:
+def search(
+    problem: Problem, on_progress: Callable[[str], None] = lambda _: None, start: Fit | None = None
+) -> Found:
     """Find the set of suspects with the most evidence.
 
-    Paths of sets lead from none, and from the single suspects with the most evidence, to the best one.
+    Paths of sets lead from none, and from the single suspects with the most evidence, to the best
+    one.
 
     Parameters
     ----------
@@ -272,8 +317,14 @@ def search(problem: Problem, on_progress: Callable[[str], None] = lambda _: None
     if np.max(np.abs(given.nu), initial=0.0) > NEAR_ZERO:
         marginal = marginal_about(problem, [], given.nu)
     null, expansion = expand(problem, marginal, (), {}, 1.0)
-    found = Found(null, null, {(): null}, expansion, marginal, {(): Centre(null, expansion, marginal)})
-    _go(found, found.about(start) if start is not None and start.names else found.centres[()], on_progress)
+    found = Found(
+        null, null, {(): null}, expansion, marginal, {(): Centre(null, expansion, marginal)}
+    )
+    _go(
+        found,
+        found.about(start) if start is not None and start.names else found.centres[()],
+        on_progress,
+    )
     found = gone_on(found, on_progress)
     for fit in _single_starts(found):
         if fit.names not in found.centres:
@@ -292,7 +343,9 @@ def _settled(found: Found, on_progress: Callable[[str], None]) -> Found:
 
 
 def gone_on(found: Found, on_progress: Callable[[str], None] = lambda _: None) -> Found:
-    """A search led by its best set, and gone on from each set with more evidence that was fitted and not yet expanded about."""
+    """A search led by its best set, and gone on from each set with more evidence that was fitted
+    and not yet expanded about.
+    """
     while (top := max(found.sets().values(), key=weighing(found).worth)).names not in found.centres:
         if _is_hopeless(top):
             break
@@ -304,21 +357,35 @@ def gone_on(found: Found, on_progress: Callable[[str], None] = lambda _: None) -
 def _go(found: Found, last: Centre, on_progress: Callable[[str], None]) -> None:
     """Go from a set to the best one near it, and on from this, as long as it was not there.
 
-    Round by round, sets near to the last one are screened in closed form and the most promising refitted. If one of these is
-    worth more, the nuisances are expanded anew about it, and it is the next.
+    Round by round, sets near to the last one are screened in closed form and the most promising
+    refitted. If one of these is worth more, the nuisances are expanded anew about it, and it is the
+    next.
     """
     problem, fits = found.problem, found.fits
     while not _is_hopeless(last.fit):
         evidence = weighing(found)
         best = max(fits.values(), key=evidence.worth)
-        on_progress(f"{len(found.centres)} sets expanded, best so far: {', '.join(best.names) or 'none'}")
+        on_progress(
+            f"{len(found.centres)} sets expanded, best so far: {', '.join(best.names) or 'none'}"
+        )
         expansion = msgspec.structs.replace(last.expansion, evidence=evidence)
-        near = {names: expansion.refitted(last.marginal, names, last.fit) for names in _promising(found, expansion)}
+        near = {
+            names: expansion.refitted(last.marginal, names, last.fit)
+            for names in _promising(found, expansion)
+        }
         if near and not last.fit.names:
             far = {one.names: one for one in _far_starts(problem, last.marginal)}
-            near |= {names: one for names, one in far.items() if names not in near or one.loss < near[names].loss}
+            near |= {
+                names: one
+                for names, one in far.items()
+                if names not in near or one.loss < near[names].loss
+            }
         evidence = _weighing(problem, [*fits.values(), *near.values()])
-        fits |= {names: one for names, one in near.items() if names not in fits or _is_more(evidence, one, fits[names])}
+        fits |= {
+            names: one
+            for names, one in near.items()
+            if names not in fits or _is_more(evidence, one, fits[names])
+        }
         top = max((last.fit, *(fits[names] for names in near)), key=evidence.worth)
         if top.names in found.centres:
             return
@@ -336,7 +403,8 @@ def _is_hopeless(fit: Fit) -> bool:
 
 
 def _promising(found: Found, expansion: Expansion) -> list[Names]:
-    """Sets near to that of an expansion that are to be fitted: they may be as good as the best, and no fit shows it yet.
+    """Sets near to that of an expansion that are to be fitted: they may be as good as the best, and
+    no fit shows it yet.
 
     The expansion must foresee of them about as much as of the best set, too: it errs alike in both.
     """
@@ -357,7 +425,9 @@ def _promising(found: Found, expansion: Expansion) -> list[Names]:
 
 
 def _single_starts(found: Found) -> list[Fit]:
-    """Fits of the best single suspects that were not expanded about, near which the closed form foresees a better set."""
+    """Fits of the best single suspects that were not expanded about, near which the closed form
+    foresees a better set.
+    """
     null, evidence = found.centres[()], weighing(found)
     expansion = msgspec.structs.replace(null.expansion, evidence=evidence)
     names = sorted(((name,) for name in found.problem.suspects), key=expansion.rated, reverse=True)
@@ -374,16 +444,22 @@ def weighing(found: Found) -> Evidence:
 
 
 def _weighing(problem: Problem, fits: Iterable[Fit]) -> Evidence:
-    """What weighs some fits: the best residuals among them tell by how much the noise exceeds its estimate."""
+    """What weighs some fits: the best residuals among them tell by how much the noise exceeds
+    its estimate.
+    """
     return Evidence(problem, min(fit.scale for fit in fits))
 
 
 def _far_starts(problem: Problem, marginal: Marginal) -> list[Fit]:
-    """Fits of single suspects that begin where the objective is lowest of the places that the problem names: far from where a
-    suspect is absent no expansion holds.
+    """Fits of single suspects that begin where the objective is lowest of the places that the
+    problem names: far from where a suspect is absent no expansion holds.
     """
-    begins = [(name, np.array([value])) for name, values in problem.begins.items() for value in values]
+    begins = [
+        (name, np.array([value])) for name, values in problem.begins.items() for value in values
+    ]
     effects = [[], *([with_values(problem.suspects[name], x)] for name, x in begins)]
-    given, *losses = (huber(marginal(marginal.centred(z))) for z in problem.residuals(effects, marginal.place).T)
+    given, *losses = (
+        huber(marginal(marginal.centred(z))) for z in problem.residuals(effects, marginal.place).T
+    )
     lower = [k for k in np.argsort(losses).tolist()[:REFITTED] if losses[k] < MUCH_LOWER * given]
     return [fit_set(problem, marginal, (begins[k][0],), dict([begins[k]])) for k in lower]

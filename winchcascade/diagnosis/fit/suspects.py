@@ -1,4 +1,6 @@
-"""Suspects as a fit uses them: effects by name, their fields in a row, and an effect with values."""
+"""Suspects as a fit uses them: effects by name, their fields in a row, and an effect with
+values.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +18,9 @@ Suspects = Mapping[str, Effect]
 
 
 class Freedom(msgspec.Struct, frozen=True):
-    """Fields of some suspects, (k,) each: values where the effects are absent, ends `low` and `high` of what is plausible, and
-    the bounds `minimum` and `maximum` of what is physically possible.
+    """Fields of some suspects, (k,) each: values where the effects are absent, ends `low` and
+    `high` of what is plausible, and the bounds `minimum` and `maximum` of what is physically
+    possible.
     """
 
     absent: Signal
@@ -59,8 +62,13 @@ def with_values(effect: Effect, values: Signal) -> ActiveEffect:
 
 
 def varied(effect: Effect, values: Signal, share: float) -> Iterator[tuple[ActiveEffect, float]]:
-    """A suspect with one field after the other moved by a share of its range, down at its upper bound, and by how much."""
+    """A suspect with one field after the other moved by a share of its range, down at its upper
+    bound, and by how much.
+    """
     free = freedom(effect)
     step = share * (free.high - free.low)
     step = np.where(values + step > free.maximum, -step, step)
-    return ((with_values(effect, x), dx) for x, dx in zip(values + np.diag(step), step.tolist(), strict=True))
+    return (
+        (with_values(effect, x), dx)
+        for x, dx in zip(values + np.diag(step), step.tolist(), strict=True)
+    )

@@ -1,9 +1,11 @@
-"""What some logs cannot know of a rig: directions in which its stated numbers change nothing that is logged.
+"""What some logs cannot know of a rig: directions in which its stated numbers change nothing that
+is logged.
 
-Without the speed of the rotor, a gear ratio that is larger by a factor, with back-EMF constant and inductance smaller by
-the same and losses and inertia by its square, gives the same logs. Such directions are the singular vectors of the
-whitened derivatives whose singular values are below 1: numbers that change by a factor e along them move the logs by
-less than one standard deviation in all.
+Without the speed of the rotor, a gear ratio that is larger by a factor, with back-EMF constant and
+inductance smaller by the same and losses and inertia by its square, gives the same logs. Such
+directions are the singular vectors of the whitened derivatives whose singular values are below 1:
+numbers that change by a factor e along them move the logs by less than one standard deviation in
+all.
 """
 
 from __future__ import annotations
@@ -30,19 +32,25 @@ STEP = 1e-3
 """Relative change of a number on either side by which its derivative is taken. [1]"""
 
 UNSEEN = 1.0
-"""Standard deviations of all logs together by which a direction moves them that they do not show. [1]"""
+"""Standard deviations of all logs together by which a direction moves them that they do not
+show. [1]
+"""
 
 TAKES_PART = 0.05
 """Smallest power, relative to the largest, of a number that takes part in a direction. [1]"""
 
 LEADS = 0.5
-"""A number leads a direction if it moves the logs by more than this share of what the strongest does. [1]"""
+"""A number leads a direction if it moves the logs by more than this share of what the strongest
+does. [1]
+"""
 
 ENGAGED = 0.5
 """Share of the top speed above which the clutch is engaged and shaft and line turn together. [1]"""
 
 GEAR_KNOWN = 0.005
-"""Relative standard uncertainty of a gear ratio by logged speeds, at least: slip and encoder of the line. [1]"""
+"""Relative standard uncertainty of a gear ratio by logged speeds, at least: slip and encoder of
+the line. [1]
+"""
 
 GEAR, RATED = "drivetrain.gear", "generator.i_rated"
 """Paths of the gear ratio, and of the rated current, which no log shows."""
@@ -51,8 +59,8 @@ GEAR, RATED = "drivetrain.gear", "generator.i_rated"
 class Direction(msgspec.Struct, frozen=True):
     """A direction that the logs do not know.
 
-    `powers` are those of the numbers of the model, by their paths, whose common factor changes nothing [1]; `leading` the ones
-    that would move the logs most by themselves.
+    `powers` are those of the numbers of the model, by their paths, whose common factor changes
+    nothing [1]; `leading` the ones that would move the logs most by themselves.
     """
 
     powers: dict[str, float]
@@ -60,22 +68,34 @@ class Direction(msgspec.Struct, frozen=True):
 
     @property
     def product(self) -> tuple[str, str] | None:
-        """The two numbers of which only the product is known; None where it is another combination."""
+        """The two numbers of which only the product is known; None where it is another
+        combination.
+        """
         if len(self.leading) != 2:
             return None
         first, second = (self.powers[path] for path in self.leading)
-        return (self.leading[0], self.leading[1]) if abs(first + second) < TAKES_PART * abs(first) else None
+        return (
+            (self.leading[0], self.leading[1])
+            if abs(first + second) < TAKES_PART * abs(first)
+            else None
+        )
 
     def suspects(self, suspects: Suspects) -> tuple[frozenset[str], ...]:
-        """Suspects that change each of the leading numbers alone and alike in every run, by name."""
+        """Suspects that change each of the leading numbers alone and alike in every run, by
+        name.
+        """
         alone = {n: e.path for n, e in suspects.items() if e.law is None and e.over_runs is None}
-        return tuple(frozenset(n for n, path in alone.items() if path == one) for one in self.leading)
+        return tuple(
+            frozenset(n for n, path in alone.items() if path == one) for one in self.leading
+        )
 
 
 def undetermined(data: Fitted) -> tuple[Direction, ...]:
-    """Directions in which the stated numbers of a rig change nothing in some logs, with sensors as they are.
+    """Directions in which the stated numbers of a rig change nothing in some logs, with sensors as
+    they are.
 
-    The logs of the largest and of the smallest resistance are asked: what neither of them shows, none between them does.
+    The logs of the largest and of the smallest resistance are asked: what neither of them shows,
+    none between them does.
     """
     stated = (f"{section}.{name}" for section in SECTIONS for name in in_rig_file(section))
     paths = [path for path in stated if path != RATED and number_of(data.nominal, path) != 0.0]
@@ -97,12 +117,16 @@ def undetermined(data: Fitted) -> tuple[Direction, ...]:
 
 
 def _moved(data: Fitted, path: str) -> Signal:
-    """What a number moves in two logs over their noise, for each relative change of it, (n,). [1]"""
+    """What a number moves in two logs over their noise, for each relative change of it, (n,).
+    [1]
+    """
     taking = [log for k, log in enumerate(data.logs) if k not in data.withheld]
     by_load = sorted(taking, key=lambda log: log.load)
     rows = []
     for log in (*by_load[:1], *by_load[1:][-1:]):
-        up, down = (log.course.predict(changed(data.nominal, path, "scale", by)) for by in (STEP, -STEP))
+        up, down = (
+            log.course.predict(changed(data.nominal, path, "scale", by)) for by in (STEP, -STEP)
+        )
         seen = log.noise.seen & (log.noise.logged > 0.0) & np.isfinite(up - down)
         z = np.divide(up - down, 2.0 * STEP * log.noise.logged, out=np.zeros_like(up), where=seen)
         rows.append(z.ravel())
@@ -110,14 +134,17 @@ def _moved(data: Fitted, path: str) -> Signal:
 
 
 TIES = 1e-6
-"""Share by which each number is preferred to the next as one that a direction is named by, of two that do as well. [1]"""
+"""Share by which each number is preferred to the next as one that a direction is named by, of
+two that do as well. [1]
+"""
 
 
 def _sparse(ways: Signal) -> Signal:
-    """The basis of the space of some directions, (k, n), in which each of k numbers is 1 in one direction and 0 in all others.
+    """The basis of the space of some directions, (k, n), in which each of k numbers is 1 in one
+    direction and 0 in all others.
 
-    These are the numbers that a QR decomposition with pivoting takes first. The directions of equal singular values are any
-    basis of their space; this one depends on the space alone.
+    These are the numbers that a QR decomposition with pivoting takes first. The directions of equal
+    singular values are any basis of their space; this one depends on the space alone.
     """
     from scipy.linalg import qr
 
@@ -127,7 +154,8 @@ def _sparse(ways: Signal) -> Signal:
 
 
 def measured_gear(rig: Rig, runs: Sequence[Run]) -> tuple[float, float] | None:
-    """Gear ratio over the stated one by the logged speed of the generator, and its relative standard uncertainty. [1]
+    """Gear ratio over the stated one by the logged speed of the generator, and its relative
+    standard uncertainty. [1]
 
     None where no log has it. The logged motion is that of the drum while the clutch is engaged.
     """
@@ -147,5 +175,7 @@ def measured_gear(rig: Rig, runs: Sequence[Run]) -> tuple[float, float] | None:
 
 
 def alike(directions: Sequence[Direction], suspects: Suspects) -> tuple[Together, ...]:
-    """Suspects of each direction by the number that they change: the logs know these numbers only together."""
+    """Suspects of each direction by the number that they change: the logs know these numbers
+    only together.
+    """
     return tuple(groups for one in directions if all(groups := one.suspects(suspects)))

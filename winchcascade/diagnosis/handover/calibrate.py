@@ -1,4 +1,6 @@
-"""Calibrate a rig from an open circuit: back-EMF constant, damper, screw friction, and what is indistinguishable (Sec. 4.2)."""
+"""Calibrate a rig from an open circuit: back-EMF constant, damper, screw friction, and what is
+indistinguishable (Sec. 4.2).
+"""
 
 from __future__ import annotations
 
@@ -35,24 +37,28 @@ from winchcascade.rig.backemf import COVERED, BackEmf, back_emf
 from winchcascade.rig.baseline import baseline
 
 FREED = {("drivetrain", "b_rotor"): 0.5, ("restoring", "mu_screw"): 0.5}
-"""Numbers that are found from the line tension, by section and name, and their prior width as a share of the value: wide enough
-to have no effect. A rig without a screw has no friction of it."""
+"""Numbers that are found from the line tension, by section and name, and their prior width as a
+share of the value: wide enough to have no effect. A rig without a screw has no friction of it."""
 
 FOUND_FROM = {"force": "line tension", "torque": "torque", "pressure": "pressure"}
 """Channels that they are found from: those before the machine."""
 
 TIED = ("drivetrain", "eta_mesh")
-"""In open circuit the mesh efficiency acts with the damper and the inertia as one quotient: it is held to its tolerance."""
+"""In open circuit the mesh efficiency acts with the damper and the inertia as one quotient: it
+is held to its tolerance.
+"""
 
 MESH_TOLERANCE = 0.01
 """Standard uncertainty of a mesh efficiency for which the rig file gives none. [1]"""
 
 REDUCED = 0.5
-"""The log determines a number if its uncertainty is below this share of the width that the fit leaves it."""
+"""The log determines a number if its uncertainty is below this share of the width that the fit
+leaves it.
+"""
 
 HELD_TOGETHER = 0.866
-"""Correlation of the errors of two numbers above which they cannot be distinguished: to know one would halve the uncertainty of
-the other."""
+"""Correlation of the errors of two numbers above which they cannot be distinguished: to know one
+would halve the uncertainty of the other."""
 
 STRAINED = 4.0
 """Move of a nuisance, in its tolerances, beyond which the fit does not keep to its prior."""
@@ -61,14 +67,18 @@ ROUNDS = 30
 """Maximum number of steps of the fit."""
 
 SETTLED = 0.03
-"""The fit has converged when no number moves by more than this share of its standard uncertainty."""
+"""The fit has converged when no number moves by more than this share of its standard
+uncertainty.
+"""
 
 
 class Number(msgspec.Struct, frozen=True):
-    """One calibrated number of the rig: value, 95 % interval and standard uncertainty `u` in its SI unit.
+    """One calibrated number of the rig: value, 95 % interval and standard uncertainty `u` in its SI
+    unit.
 
-    `before` is the number before any calibration and `u_before` its standard uncertainty, infinite where none is stated; `how`
-    is the method. `new`: the log determines it, so that a rig file takes it over; a diagnosis starts from the number before.
+    `before` is the number before any calibration and `u_before` its standard uncertainty, infinite
+    where none is stated; `how` is the method. `new`: the log determines it, so that a rig file
+    takes it over; a diagnosis starts from the number before.
     """
 
     section: str
@@ -100,17 +110,19 @@ class Number(msgspec.Struct, frozen=True):
 
 
 class Strain(msgspec.Struct, frozen=True):
-    """Something known to a tolerance that the fit moves by more of them than chance does: `by` tolerances, signed. [1]"""
+    """Something known to a tolerance that the fit moves by more of them than chance does: `by`
+    tolerances, signed. [1]
+    """
 
     name: str
     by: float
 
 
 class FittedBlocks(msgspec.Struct, frozen=True):
-    """Means over blocks of the log and of the fit: generator speed `rpm` (m,), `phase` (m,) as an index of `PHASES`, and of the
-    channels of `CHANNELS`, SI units, `measured` (m, 5), NaN where there is none, and `fitted` (m, 5). `damper` (m,) is the
-    torque that the damper takes, at the PTO shaft [N m], `displacement` (m,) that of the line, where the rig has no gas
-    [m].
+    """Means over blocks of the log and of the fit: generator speed `rpm` (m,), `phase` (m,) as an
+    index of `PHASES`, and of the channels of `CHANNELS`, SI units, `measured` (m, 5), NaN where
+    there is none, and `fitted` (m, 5). `damper` (m,) is the torque that the damper takes, at the
+    PTO shaft [N m], `displacement` (m,) that of the line, where the rig has no gas [m].
     """
 
     rpm: Signal
@@ -122,7 +134,8 @@ class FittedBlocks(msgspec.Struct, frozen=True):
 
 
 class Calibration(Viewed, frozen=True):
-    """Numbers of a rig from an open-circuit log, the regression of the back-EMF, and what cannot be distinguished.
+    """Numbers of a rig from an open-circuit log, the regression of the back-EMF, and what cannot be
+    distinguished.
 
     Parameters
     ----------
@@ -130,8 +143,8 @@ class Calibration(Viewed, frozen=True):
     numbers : each that was found, with its value before, standard uncertainty and 95 % interval
     regression : back-EMF over generator speed
     together : sentences on numbers that an open circuit cannot distinguish
-    misfit : mean square of the residuals of force, torque and pressure, in units of their noise; about 1 where damper and
-        screw explain the log [1]
+    misfit : mean square of the residuals of force, torque and pressure, in units of their noise;
+        about 1 where damper and screw explain the log [1]
     strained : tolerances that the fit exceeds
     settled : the fit converged; its numbers are no result otherwise
     payouts : those that were used, each from its onset to the start of its braking [s]
@@ -151,25 +164,32 @@ class Calibration(Viewed, frozen=True):
 
     def __repr__(self) -> str:
         """One line instead of every number."""
-        found = (f"{n.name} = {n.value:.5g} {n.unit}".removesuffix(" 1") for n in self.numbers if n.new)
+        found = (
+            f"{n.name} = {n.value:.5g} {n.unit}".removesuffix(" 1") for n in self.numbers if n.new
+        )
         return f"Calibration({self.rig.name!r}, {', '.join(found)})"
 
 
-def calibrate(run: Run, rig: Rig | None = None, *, cycles: tuple[int, int] | None = None) -> Calibration:
+def calibrate(
+    run: Run, rig: Rig | None = None, *, cycles: tuple[int, int] | None = None
+) -> Calibration:
     """Calibrate a rig from an open-circuit log (Sec. 4.2).
 
-    The back-EMF constant is a regression on the DC voltage; damper and screw friction follow from line tension, torque and
-    pressure, fitted with everything else that is known to a tolerance only: precharge, gas volume, piston area, gains, zeros,
-    dry friction. The start is the rig before any calibration, so that the result does not depend on an earlier one.
+    The back-EMF constant is a regression on the DC voltage; damper and screw friction follow from
+    line tension, torque and pressure, fitted with everything else that is known to a tolerance
+    only: precharge, gas volume, piston area, gains, zeros, dry friction. The start is the rig
+    before any calibration, so that the result does not depend on an earlier one.
 
     Parameters
     ----------
     rig : to be calibrated; by default the one that the run was read with
-    cycles : first and last cycle that count, numbered by payout; by default those of the run's campaign
+    cycles : first and last cycle that count, numbered by payout; by default those of the run's
+        campaign
 
     Raises
     ------
-    LogError : the log is no open circuit, delivers power, lacks force or voltage, or has no complete payout with a plateau
+    LogError : the log is no open circuit, delivers power, lacks force or voltage, or has no
+        complete payout with a plateau
     RigError : the rig file lacks numbers of the model, or an estimate of those to be found
     OptionError : something else than a run or a rig
     """
@@ -210,24 +230,30 @@ def calibrate(run: Run, rig: Rig | None = None, *, cycles: tuple[int, int] | Non
 
 
 def _payouts(run: Run, rig: Rig, cycles: tuple[int, int] | None) -> tuple[tuple[float, float], ...]:
-    """Payouts of the complete cycles of an open circuit, from the onset to the start of braking [s].
+    """Payouts of the complete cycles of an open circuit, from the onset to the start of braking
+    [s].
 
-    Rejects a log that is not stated as an open circuit, that lacks the line tension, or whose Idc is more than the bleed
-    resistance takes.
+    Rejects a log that is not stated as an open circuit, that lacks the line tension, or whose Idc
+    is more than the bleed resistance takes.
     """
     if run.load is None or not math.isinf(run.load) or "force" not in run.channels:
-        wrong = "its load is unknown" if run.load is None else f"a log with a load of {run.load:g} ohm"
+        wrong = (
+            "its load is unknown" if run.load is None else f"a log with a load of {run.load:g} ohm"
+        )
         wrong = "no line tension, which the losses are found from" if run.open_circuit else wrong
         raise LogError(
-            f"{run.name}: {wrong}; a calibration needs an open circuit with line tension and Vdc. Choose such a log; "
-            "--load-ohm inf, or load_ohm = inf in the campaign.toml beside it, states that no load was connected."
+            f"{run.name}: {wrong}; a calibration needs an open circuit with line tension and Vdc. "
+            f"Choose such a log; "
+            "--load-ohm inf, or load_ohm = inf in the campaign.toml beside it, states that no "
+            "load was connected."
         )
     reduction = reduce(run, rig=rig, cycles=cycles)
     plateaus = [(cycle.phases.onset, cycle.summary.payout.plateau) for cycle in reduction.complete]
     payouts = tuple((onset, plateau.braking) for onset, plateau in plateaus if plateau is not None)
     if not payouts:
         raise LogError(
-            f"{run.name}: none of {len(reduction.cycles)} payouts is complete and holds a plateau, which a calibration needs; "
+            f"{run.name}: none of {len(reduction.cycles)} payouts is complete and holds a "
+            f"plateau, which a calibration needs; "
             "`winchcascade reduce` lists what is wrong with each."
         )
     if {"vdc", "idc"} <= run.channels.keys():
@@ -235,16 +261,19 @@ def _payouts(run: Run, rig: Rig, cycles: tuple[int, int] | None) -> tuple[tuple[
         voltage, current = (median(run.channels[name][moving]) for name in ("vdc", "idc"))
         if current > (maximum := open_circuit_current(rig, abs(voltage))):
             raise LogError(
-                f"{run.name}: stated as an open circuit, but it delivers {voltage * current:.3g} W (Idc {current:.4g} A, at "
+                f"{run.name}: stated as an open circuit, but it delivers {voltage * current:.3g} "
+                f"W (Idc {current:.4g} A, at "
                 f"most {maximum:.2g} A expected). Choose a log without load, or check Idc."
             )
     return payouts
 
 
 def back_emf_of(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> BackEmf:
-    """The regression of the back-EMF, its uncertainties with what is open of the rig and of the Vdc sensor.
+    """The regression of the back-EMF, its uncertainties with what is open of the rig and of the Vdc
+    sensor.
 
-    The capacitor above all: on a ramp it takes a current whose drop in the bridge looks like a lag of Vdc.
+    The capacitor above all: on a ramp it takes a current whose drop in the bridge looks like a lag
+    of Vdc.
 
     Raises
     ------
@@ -252,7 +281,9 @@ def back_emf_of(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> B
     """
     gain, zero = sensor_errors(rig.sensors.get("vdc"))
     found = back_emf(run, baseline(rig), payouts, u_gain=gain)
-    zeroed = msgspec.structs.replace(run, channels={**run.channels, "vdc": run.channels["vdc"] + zero})
+    zeroed = msgspec.structs.replace(
+        run, channels={**run.channels, "vdc": run.channels["vdc"] + zero}
+    )
     scales = scales_of(rig, motion_of_runs([run]))
     open_numbers = (n for n in nuisances(rig, [run], scales) if n.kind == "rig" and n.name != "k_e")
     moved = [
@@ -261,19 +292,27 @@ def back_emf_of(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> B
     ]
     u = math.hypot(found.u_fit, found.u_sensor, *(one.k_e - found.k_e for one in moved))
     u_lag = math.hypot(found.u_lag, *(one.lag - found.lag for one in moved))
-    return msgspec.structs.replace(found, low=found.k_e - COVERED * u, high=found.k_e + COVERED * u, u_lag=u_lag)
+    return msgspec.structs.replace(
+        found, low=found.k_e - COVERED * u, high=found.k_e + COVERED * u, u_lag=u_lag
+    )
 
 
-def _number(rig: Rig, place: tuple[str, str], unit: str, value: float, u: float, how: str) -> Number:
+def _number(
+    rig: Rig, place: tuple[str, str], unit: str, value: float, u: float, how: str
+) -> Number:
     """A number beside that of the rig before."""
     before = quantity_of(rig, *place)
     u_before = math.inf if before is None or before.u is None else before.u
-    number = Number(*place, unit, math.nan if before is None else before.value, u_before, value, u, how)
+    number = Number(
+        *place, unit, math.nan if before is None else before.value, u_before, value, u, how
+    )
     kept = "rig file: an open circuit does not determine it"
     return number if number.new else msgspec.structs.replace(number, how=kept)
 
 
-def _fitted(before: Rig, data: Fitted, at: Sequence[int], nu: Signal, covariance: Signal) -> Iterator[Number]:
+def _fitted(
+    before: Rig, data: Fitted, at: Sequence[int], nu: Signal, covariance: Signal
+) -> Iterator[Number]:
     """Numbers of the rig from a fit, by their places among the nuisances."""
     *first, last = (what for name, what in FOUND_FROM.items() if name in data.logs[0].run.channels)
     how = f"{', '.join(first)} and {last}" if first else last
@@ -293,7 +332,8 @@ def _freed(rig: Rig) -> Rig:
         if number is not None:
             if (section, name) in FREED and number.value == 0.0:
                 raise RigError(
-                    f"rig {rig.name}: {name} under [{section}] is 0; a calibration starts from an estimate, give one."
+                    f"rig {rig.name}: {name} under [{section}] is 0; a calibration starts from an "
+                    f"estimate, give one."
                 )
             wide = FREED.get((section, name), 0.0) * abs(number.value) or number.u or MESH_TOLERANCE
             rig = with_quantity(rig, section, name, msgspec.structs.replace(number, u=wide))
@@ -301,15 +341,18 @@ def _freed(rig: Rig) -> Rig:
 
 
 def _posterior(data: Fitted) -> tuple[Signal, Signal, float, bool]:
-    """Nuisances in units of their prior width, (n,), their covariance, the misfit, and whether the fit converged; from the
-    channels before the machine.
+    """Nuisances in units of their prior width, (n,), their covariance, the misfit, and whether the
+    fit converged; from the channels before the machine.
     """
     used = np.array([channel in FOUND_FROM for channel in CHANNELS], dtype=np.float64)
     nu = np.zeros(len(data.nuisances))
     for _ in range(ROUNDS):
         z = data.whiten((data.measured - data.predict(nu, [])) * used)
         columns, w = data.columns(nu, [], used), weights(z)
-        curve, slope = columns.masked(np.sqrt(w)).squared() + np.eye(nu.size), columns.onto(w * z) - nu
+        curve, slope = (
+            columns.masked(np.sqrt(w)).squared() + np.eye(nu.size),
+            columns.onto(w * z) - nu,
+        )
         inverse = np.asarray(np.linalg.inv(curve), dtype=np.float64)
         step = inverse @ slope
         nu, settled = nu + step, bool(np.all(np.abs(step) < SETTLED * np.sqrt(np.diag(inverse))))
@@ -327,12 +370,18 @@ def _blocks(data: Fitted, nu: Signal) -> FittedBlocks:
     damper = np.where(omega > 0.0, shaft.gear / shaft.eta_mesh * shaft.b_rotor * omega, 0.0)
     rpm, phase = omega * 30.0 / math.pi, log.course.blocks.phase
     measured = np.where(data.seen, data.measured, math.nan)
-    displacement = None if model.restoring.has_gas else log.course.blocks.mean(log.course.displacement)
+    displacement = (
+        None if model.restoring.has_gas else log.course.blocks.mean(log.course.displacement)
+    )
     return FittedBlocks(rpm, phase, measured, data.predict(nu, []), damper, displacement)
 
 
-def _together(data: Fitted, covariance: Signal, at: Sequence[int], regression: BackEmf) -> Iterator[str]:
-    """What the log cannot distinguish; the back-EMF constant is read through the gain of the Vdc sensor alone."""
+def _together(
+    data: Fitted, covariance: Signal, at: Sequence[int], regression: BackEmf
+) -> Iterator[str]:
+    """What the log cannot distinguish; the back-EMF constant is read through the gain of the Vdc
+    sensor alone.
+    """
     of_the_gain = -regression.u_sensor * COVERED / (regression.high - regression.k_e)
     if abs(of_the_gain) > HELD_TOGETHER:
         yield f"k_e and gain of vdc ({of_the_gain:+.2f})"

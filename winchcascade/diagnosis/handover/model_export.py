@@ -1,4 +1,6 @@
-"""Write the corrected model of a diagnosis as JSON, as a MATLAB struct, or as an FMU for other simulators."""
+"""Write the corrected model of a diagnosis as JSON, as a MATLAB struct, or as an FMU for other
+simulators.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,15 @@ from winchcascade.diagnosis.handover.rig_text import corrected_rig
 from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.rig.baseline import baseline, stated_effects
 from winchcascade.rig.fmu_export import write_fmu
-from winchcascade.rig.parts import PARTS, ROLLOFF_KNOTS, Model, number_of, numbers_of, path_in_rig, rolloff_curve
+from winchcascade.rig.parts import (
+    PARTS,
+    ROLLOFF_KNOTS,
+    Model,
+    number_of,
+    numbers_of,
+    path_in_rig,
+    rolloff_curve,
+)
 from winchcascade.rig.physics import RPM
 
 MODEL_SCHEMA = "winchcascade/model/1"
@@ -51,26 +61,35 @@ def check_export(path: Path | None) -> None:
         require("pythonfmu", f"--export {path}")
 
 
-def write_export(found: ModelDiagnosis | StageDiagnosis, path: Path, *, force: bool = False) -> None:
+def write_export(
+    found: ModelDiagnosis | StageDiagnosis, path: Path, *, force: bool = False
+) -> None:
     """Write the corrected model of a diagnosis in the format that the name of the file states.
 
     Raises
     ------
     OptionError : the rig has no model
-    OutputError : the file cannot be written, or is not this tool's own and `force` does not allow to replace it
+    OutputError : the file cannot be written, or is not this tool's own and `force` does not allow
+        to replace it
     """
     if not isinstance(found, ModelDiagnosis):
-        raise OptionError(f"--export {path}: no model can be made of rig {found.rig.name}; leave --export out.")
+        raise OptionError(
+            f"--export {path}: no model can be made of rig {found.rig.name}; leave --export out."
+        )
     if path.suffix.casefold() == ".fmu":
         _write_unit(found, path, force=force)
         return
     record = model_record(found)
-    content = matlab_bytes("model", record) if path.suffix.casefold() == ".mat" else json_bytes(record)
+    content = (
+        matlab_bytes("model", record) if path.suffix.casefold() == ".mat" else json_bytes(record)
+    )
     write_content(path, content, force=force)
 
 
 def _write_unit(found: ModelDiagnosis, path: Path, *, force: bool) -> None:
-    """Write the corrected rig as an FMU, each number with its uncertainty by the posterior, and the verdict in its words."""
+    """Write the corrected rig as an FMU, each number with its uncertainty by the posterior, and
+    the verdict in its words.
+    """
     best, *moved = posterior_of_rig(found).models()
     u = {}
     for number in (f"{part}.{name}" for part in PARTS for name in numbers_of(part)):
@@ -81,20 +100,30 @@ def _write_unit(found: ModelDiagnosis, path: Path, *, force: bool) -> None:
     known = {"causes": judgement.causes, "candidates": judgement.candidates}
     named = "".join(f"; {kind}: {', '.join(names)}" for kind, names in known.items() if names)
     about = f"{found.title}, rig {found.rig.name}, by winchcascade {__version__}: {judgement.verdict}{named}"
-    load = min((log.load for log in found.data.logs if math.isfinite(log.load)), default=best.dc_link.r_bleed)
+    load = min(
+        (log.load for log in found.data.logs if math.isfinite(log.load)),
+        default=best.dc_link.r_bleed,
+    )
     write_fmu(best, path, motion_of_runs(found.runs), load, about, u, force=force)
 
 
 def model_record(found: ModelDiagnosis) -> dict[str, Any]:
-    """The corrected model: every number with its unit, source and nominal value; tables and errors of the sensors apart."""
+    """The corrected model: every number with its unit, source and nominal value; tables and
+    errors of the sensors apart.
+    """
     rig = corrected_rig(found)
     model, given = baseline(rig), found.data.nominal
     parts = {}
     for part in PARTS:
-        units = {name: number.unit for name, number in numbers_of(part).items()} | DERIVED.get(part, {})
+        units = {name: number.unit for name, number in numbers_of(part).items()} | DERIVED.get(
+            part, {}
+        )
         if part == "restoring":
             units = {name: unit for name, unit in units.items() if _is_there(name, rig)}
-        parts[part] = {name: _number(rig, (given, model), f"{part}.{name}", unit) for name, unit in units.items()}
+        parts[part] = {
+            name: _number(rig, (given, model), f"{part}.{name}", unit)
+            for name, unit in units.items()
+        }
     return {
         "schema": MODEL_SCHEMA,
         "written_by": f"winchcascade/{__version__}",
@@ -131,7 +160,9 @@ def _number(rig: Rig, models: tuple[Model, Model], path: str, unit: str) -> dict
 
 
 def _source(rig: Rig, path: str) -> str:
-    """Source of a number in the rig file, and the effects that change it; "absent" where there is neither."""
+    """Source of a number in the rig file, and the effects that change it; "absent" where there
+    is neither.
+    """
     section, name = path_in_rig(path).split(".")
     entry = getattr(getattr(rig, section), name, None)
     said = [] if entry is None else [entry.source or "rig file"]
@@ -145,7 +176,9 @@ def _source(rig: Rig, path: str) -> str:
 
 
 def _back_emf(model: Model) -> dict[str, Any]:
-    """Back-EMF constant over the stator current, line to line, rms, per mechanical speed; and flux linkage without current."""
+    """Back-EMF constant over the stator current, line to line, rms, per mechanical speed; and
+    flux linkage without current.
+    """
     machine = model.generator
     k_e = machine.k_e * RPM
     over_rated = np.arange(0.0, ROLLOFF_KNOTS[-1] + 0.5 * CURRENT_STEP, CURRENT_STEP)

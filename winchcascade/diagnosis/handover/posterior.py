@@ -1,4 +1,6 @@
-"""The rig as a diagnosis leaves it: its corrected numbers and what is not known of them, without the errors of its sensors."""
+"""The rig as a diagnosis leaves it: its corrected numbers and what is not known of them, without
+the errors of its sensors.
+"""
 
 from __future__ import annotations
 
@@ -33,10 +35,14 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.fit.evidence import Fit
 
 OF_THE_RIG = ("rig", "law")
-"""Kinds of nuisances that are numbers of the rig; the others concern sensors, single loads or the comparison."""
+"""Kinds of nuisances that are numbers of the rig; the others concern sensors, single loads or
+the comparison.
+"""
 
 IDLE = 1e-9
-"""A direction of the posterior whose variance is below this share of the largest, in squares of the tolerances, is known."""
+"""A direction of the posterior whose variance is below this share of the largest, in squares of
+the tolerances, is known.
+"""
 
 
 class Band(msgspec.Struct, frozen=True):
@@ -50,12 +56,13 @@ class Band(msgspec.Struct, frozen=True):
 class RigPosterior(msgspec.Struct, frozen=True):
     """A corrected rig with the joint uncertainty of its numbers.
 
-    `nominal` is the model of the rig file without errors of its sensors. It is changed by `numbers` of the rig, each by its
-    value of `moves` in its own unit, and then by `effects`. `covariance` (n + k, n + k) is that of the moves and then of all
-    fields of the effects. An effect that changes from run to run acts as in the run that shows it most.
+    `nominal` is the model of the rig file without errors of its sensors. It is changed by `numbers`
+    of the rig, each by its value of `moves` in its own unit, and then by `effects`. `covariance` (n
+    + k, n + k) is that of the moves and then of all fields of the effects. An effect that changes
+    from run to run acts as in the run that shows it most.
 
-    `others` are the rig as the best fits with look-alikes in place of its causes leave it; the `weight` of each of these and of
-    the rig itself is its posterior probability among them.
+    `others` are the rig as the best fits with look-alikes in place of its causes leave it; the
+    `weight` of each of these and of the rig itself is its posterior probability among them.
     """
 
     nominal: Model
@@ -74,7 +81,9 @@ class RigPosterior(msgspec.Struct, frozen=True):
     @property
     def best(self) -> Signal:
         """Moves of the numbers, then fields of the effects, (n + k,)."""
-        return np.array([*self.moves, *(value for effect in self.effects for value in effect.values)])
+        return np.array(
+            [*self.moves, *(value for effect in self.effects for value in effect.values)]
+        )
 
     def model(self, at: Signal | None = None, without: str = "") -> Model:
         """The corrected rig.
@@ -93,11 +102,15 @@ class RigPosterior(msgspec.Struct, frozen=True):
             place += own.size
             if effect.effect.name != without:
                 free = freedom(effect.effect)
-                model = with_values(effect.effect, np.clip(own, free.minimum, free.maximum)).apply(model)
+                model = with_values(effect.effect, np.clip(own, free.minimum, free.maximum)).apply(
+                    model
+                )
         return possible(model)
 
     def directions(self) -> Signal:
-        """Moves and fields one standard deviation away along independent directions, (r, n + k), the least known first."""
+        """Moves and fields one standard deviation away along independent directions, (r, n + k),
+        the least known first.
+        """
         scale = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
         known = np.where(scale > 0.0, scale, 1.0)
         variance, ways = np.linalg.eigh(self.covariance / np.outer(known, known))
@@ -106,16 +119,21 @@ class RigPosterior(msgspec.Struct, frozen=True):
 
     def models(self, without: str = "") -> list[Model]:
         """The corrected rig, then the same moved along each of `directions`."""
-        return [self.model(self.best, without), *(self.model(self.best + way, without) for way in self.directions())]
+        return [
+            self.model(self.best, without),
+            *(self.model(self.best + way, without) for way in self.directions()),
+        ]
 
     def draws(self, count: int, seed: int) -> list[Model]:
-        """Corrected rigs drawn from the posterior: of its `members` by their weights, of their numbers and fields, and of how
-        much each effect does by its law.
+        """Corrected rigs drawn from the posterior: of its `members` by their weights, of their
+        numbers and fields, and of how much each effect does by its law.
         """
         rng, members = np.random.default_rng(seed), self.members
         ends = np.cumsum([one.weight for one in members])
         places = np.searchsorted(ends, (np.arange(count) + rng.uniform()) / count * ends[-1])
-        return [members[min(place, len(members) - 1)].draw(rng) for place in rng.permutation(places)]
+        return [
+            members[min(place, len(members) - 1)].draw(rng) for place in rng.permutation(places)
+        ]
 
     def draw(self, rng: np.random.Generator) -> Model:
         """A rig drawn from this member of the posterior alone."""
@@ -125,7 +143,9 @@ class RigPosterior(msgspec.Struct, frozen=True):
         for one in self.effects:
             if one.effect.entry is None:
                 found = stretched(
-                    found, (self.model(at, one.effect.name), drawn), max(LAW, one.effect.law_u) * rng.standard_normal()
+                    found,
+                    (self.model(at, one.effect.name), drawn),
+                    max(LAW, one.effect.law_u) * rng.standard_normal(),
                 )
         return possible(found)
 
@@ -147,18 +167,26 @@ def stretched(model: Model, change: tuple[Model, Model], share: float) -> Model:
 
 
 MEMBERS = 4
-"""Maximum number of fits of which a corrected rig is a mixture: each takes as long to simulate as the best alone."""
+"""Maximum number of fits of which a corrected rig is a mixture: each takes as long to simulate
+as the best alone.
+"""
 
 
 def posterior_of_rig(found: ModelDiagnosis) -> RigPosterior:
-    """The rig that a diagnosis leaves, by its best fit and by those with look-alikes in place of its causes.
+    """The rig that a diagnosis leaves, by its best fit and by those with look-alikes in place of
+    its causes.
 
-    Fits in which another effect is an error of a sensor, or is none, come first, as they change the energies most.
+    Fits in which another effect is an error of a sensor, or is none, come first, as they change the
+    energies most.
     """
     best = found.found.best
-    alike = {one.fit.names: one for several in look_alikes_of(found.found).values() for one in several}
+    alike = {
+        one.fit.names: one for several in look_alikes_of(found.found).values() for one in several
+    }
     sensors = _of_sensors(found, best)
-    first = sorted(alike.values(), key=lambda one: (_of_sensors(found, one.fit) == sensors, one.short))[: MEMBERS - 1]
+    first = sorted(
+        alike.values(), key=lambda one: (_of_sensors(found, one.fit) == sensors, one.short)
+    )[: MEMBERS - 1]
     odds = np.array([1.0, *(math.exp(-max(one.short, 0.0)) for one in first)])
     fits = best, *(one.fit for one in first)
     itself, *others = (
@@ -174,7 +202,9 @@ def _of_sensors(found: ModelDiagnosis, fit: Fit) -> set[str]:
 
 
 def _left_by(found: ModelDiagnosis, fit: Fit) -> RigPosterior:
-    """The rig of one fit, with every effect of it but errors of sensors and of single logs or loads."""
+    """The rig of one fit, with every effect of it but errors of sensors and of single logs or
+    loads.
+    """
     data, best = found.data, found.found.best
     chosen = [j for j, n in enumerate(data.nuisances) if n.kind in OF_THE_RIG]
     kept = {
@@ -193,21 +223,24 @@ def _left_by(found: ModelDiagnosis, fit: Fit) -> RigPosterior:
         numbers=tuple(data.nuisances[j] for j in chosen),
         moves=tuple(float(fit.nu[j]) * data.nuisances[j].sd for j in chosen),
         effects=tuple(kept.values()),
-        covariance=joint_covariance(found.found, None if fit is best else fit)[np.ix_(places, places)]
+        covariance=joint_covariance(found.found, None if fit is best else fit)[
+            np.ix_(places, places)
+        ]
         * np.outer(unit, unit),
     )
 
 
-# ---------------------------------------------------------------------------------------------------------- what was tested
+# -------------------------------------------------------------------------------- what was tested
 class Tested(msgspec.Struct, frozen=True):
     """What the logs of a diagnosis cover, SI units, and what a prediction beyond them begins from.
 
-    `loads` are those of the runs but open circuits [ohm]. `border` are corners of the convex region of line speed and DC
-    current in payout, (k, 2) [m/s, A]. `force` is the largest line tension. `speed`, `length` and `ramp` are those of a usual
-    payout with a load: its fastest plateau, its travel and the time of its ramp. `warm` is the DC current (rms over a cycle)
-    that keeps the machine as warm as in its warmest run, repeated at the spacing of the runs; None without heating. The
-    `judgement` is that of the diagnosis, `thresholds` are those by which its logs are reduced; what is left out follows the
-    scales of a motion.
+    `loads` are those of the runs but open circuits [ohm]. `border` are corners of the convex region
+    of line speed and DC current in payout, (k, 2) [m/s, A]. `force` is the largest line tension.
+    `speed`, `length` and `ramp` are those of a usual payout with a load: its fastest plateau, its
+    travel and the time of its ramp. `warm` is the DC current (rms over a cycle) that keeps the
+    machine as warm as in its warmest run, repeated at the spacing of the runs; None without
+    heating. The `judgement` is that of the diagnosis, `thresholds` are those by which its logs are
+    reduced; what is left out follows the scales of a motion.
     """
 
     title: str
@@ -228,7 +261,8 @@ class Tested(msgspec.Struct, frozen=True):
         return msgspec.structs.replace(Thresholds(), **self.thresholds)
 
     def covers(self, speed: Signal, current: Signal, force: Signal) -> Signal:
-        """Whether speeds [m/s], DC currents [A] and tensions [N], (n,) each, lie within what was tested or `NEAR` of it, (n,).
+        """Whether speeds [m/s], DC currents [A] and tensions [N], (n,) each, lie within what was
+        tested or `NEAR` of it, (n,).
 
         Nothing lies within a border that is a line.
         """
@@ -236,16 +270,22 @@ class Tested(msgspec.Struct, frozen=True):
         edges = np.roll(corners, -1, axis=0) - corners
         outward = np.column_stack([edges[:, 1], -edges[:, 0]])
         beyond = np.column_stack([speed, current]) @ outward.T - np.sum(corners * outward, axis=1)
-        inside = np.all(beyond <= NEAR * np.abs(outward) @ np.ptp(corners, axis=0), axis=1) & (len(corners) > 2)
+        inside = np.all(beyond <= NEAR * np.abs(outward) @ np.ptp(corners, axis=0), axis=1) & (
+            len(corners) > 2
+        )
         return np.asarray(inside & (force <= (1.0 + NEAR) * self.force))
 
 
 NEAR = 0.02
-"""Distance from the border of what was tested that still counts as within, as a share of its extent. [1]"""
+"""Distance from the border of what was tested that still counts as within, as a share of its
+extent. [1]
+"""
 
 
 def tested_by(found: ModelDiagnosis) -> Tested | None:
-    """What the logs of a diagnosis cover, of which withheld ones do not count; None where none has a payout."""
+    """What the logs of a diagnosis cover, of which withheld ones do not count; None where none
+    has a payout.
+    """
     data, seen = found.data, usual(found.data)
     if seen is None:
         return None
@@ -283,7 +323,11 @@ def _warm(found: ModelDiagnosis) -> float | None:
     data, fit = found.data, found.found.best
     for effect in fit.effects(found.suspects):
         if effect.effect.name == WARMS and not data.order.temperature:
-            squares = [np.mean(log.run.channels["idc"] ** 2) for log in data.logs if "idc" in log.run.channels]
+            squares = [
+                np.mean(log.run.channels["idc"] ** 2)
+                for log in data.logs
+                if "idc" in log.run.channels
+            ]
             heat = lasting_heat(data.order, *effect.values[2:])
             return math.sqrt(heat * float(np.mean(squares))) if squares else None
     return None
@@ -293,13 +337,14 @@ WARMS = "heating"
 """Effect by which a machine warms from run to run."""
 
 
-# -------------------------------------------------------------------------------------------------------------- as a record
+# ------------------------------------------------------------------------------------ as a record
 RADIUS = "shared_radius"
 """Name in a record of the second form of the drum radius."""
 
 
 def posterior_record(posterior: RigPosterior, tested: Tested) -> dict[str, Any]:
-    """A posterior as JSON: numbers of the nominal model by part, what changes them, their covariance, and what was `tested`.
+    """A posterior as JSON: numbers of the nominal model by part, what changes them, their
+    covariance, and what was `tested`.
 
     `others` are the same numbers and their effects by the fits with look-alikes.
     """
@@ -311,7 +356,9 @@ def posterior_record(posterior: RigPosterior, tested: Tested) -> dict[str, Any]:
             for n, move in zip(posterior.numbers, posterior.moves, strict=True)
         ],
         **_member_record(posterior),
-        "others": [{"moves": list(other.moves)} | _member_record(other) for other in posterior.others],
+        "others": [
+            {"moves": list(other.moves)} | _member_record(other) for other in posterior.others
+        ],
     }
 
 
@@ -319,7 +366,10 @@ def _member_record(posterior: RigPosterior) -> dict[str, Any]:
     """What one fit makes of a rig, as JSON."""
     return {
         "effects": [
-            {"effect": RADIUS if one.effect.law is SHARED_RADIUS.law else one.effect.name, "values": list(one.values)}
+            {
+                "effect": RADIUS if one.effect.law is SHARED_RADIUS.law else one.effect.name,
+                "values": list(one.values),
+            }
             for one in posterior.effects
         ],
         "covariance": posterior.covariance.tolist(),
@@ -339,9 +389,13 @@ def posterior_from(record: Mapping[str, Any] | None, place: str) -> tuple[RigPos
             raise ValueError("it has none")
         parts = {part: kind(**_tuples(record["nominal"][part])) for part, kind in PARTS.items()}
         numbers = [
-            Parameter(n["name"], path=n["path"], operation=n["operation"], per=n["per"]) for n in record["numbers"]
+            Parameter(n["name"], path=n["path"], operation=n["operation"], per=n["per"])
+            for n in record["numbers"]
         ]
-        moves, tested = [n["move"] for n in record["numbers"]], msgspec.convert(record["tested"], Tested)
+        moves, tested = (
+            [n["move"] for n in record["numbers"]],
+            msgspec.convert(record["tested"], Tested),
+        )
         nominal = RigPosterior(Model(**parts), tuple(numbers), (), (), np.zeros((0, 0)))
         others = tuple(_member_from(one, one["moves"], nominal) for one in record["others"])
         posterior = msgspec.structs.replace(_member_from(record, moves, nominal), others=others)
@@ -350,15 +404,23 @@ def posterior_from(record: Mapping[str, Any] | None, place: str) -> tuple[RigPos
         return posterior, tested
     except (AttributeError, KeyError, TypeError, ValueError, np.linalg.LinAlgError) as fault:
         raise OptionError(
-            f"{place}: its posterior cannot be read ({fault}); expected the JSON that `winchcascade diagnose CAMPAIGN --json "
+            f"{place}: its posterior cannot be read ({fault}); expected the JSON that "
+            f"`winchcascade diagnose CAMPAIGN --json "
             "FILE` of this version writes. Diagnose the campaign again."
         ) from None
 
 
-def _member_from(record: Mapping[str, Any], moves: Sequence[float], nominal: RigPosterior) -> RigPosterior:
-    """What one fit makes of a rig, of which the nominal model and its numbers are known; ValueError where it is damaged."""
+def _member_from(
+    record: Mapping[str, Any], moves: Sequence[float], nominal: RigPosterior
+) -> RigPosterior:
+    """What one fit makes of a rig, of which the nominal model and its numbers are known;
+    ValueError where it is damaged.
+    """
     known = EFFECTS | {RADIUS: SHARED_RADIUS}
-    effects = (ActiveEffect(known[one["effect"]], tuple(map(float, one["values"]))) for one in record["effects"])
+    effects = (
+        ActiveEffect(known[one["effect"]], tuple(map(float, one["values"])))
+        for one in record["effects"]
+    )
     found = msgspec.structs.replace(
         nominal,
         moves=tuple(map(float, moves)),
@@ -366,8 +428,12 @@ def _member_from(record: Mapping[str, Any], moves: Sequence[float], nominal: Rig
         covariance=np.array(record["covariance"], dtype=np.float64),
         weight=float(record["weight"]),
     )
-    fits = found.covariance.shape == 2 * (found.best.size,) and len(found.moves) == len(found.numbers)
-    if not (fits and np.isfinite(found.covariance).all()) or np.any(np.diag(found.covariance) < 0.0):
+    fits = found.covariance.shape == 2 * (found.best.size,) and len(found.moves) == len(
+        found.numbers
+    )
+    if not (fits and np.isfinite(found.covariance).all()) or np.any(
+        np.diag(found.covariance) < 0.0
+    ):
         raise ValueError(f"no covariance of {found.best.size} numbers")
     if not 0.0 < found.weight <= 1.0:
         raise ValueError(f"a weight of {found.weight:g}")
@@ -377,4 +443,6 @@ def _member_from(record: Mapping[str, Any], moves: Sequence[float], nominal: Rig
 
 def _tuples(numbers: Mapping[str, Any]) -> dict[str, Any]:
     """Numbers of a part from JSON, where a sequence is a list."""
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in numbers.items()}
+    return {
+        name: tuple(value) if isinstance(value, list) else value for name, value in numbers.items()
+    }

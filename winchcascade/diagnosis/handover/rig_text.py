@@ -1,4 +1,6 @@
-"""Edit rig files: calibrated numbers or named causes go into the document of the file, and all else of it stays as it is."""
+"""Edit rig files: calibrated numbers or named causes go into the document of the file, and all
+else of it stays as it is.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,9 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.handover.calibrate import Calibration
 
 MARK, CORRECTED = "# Calibrated by winchcascade/", "# Corrected by winchcascade/"
-"""Beginnings of the first line of a calibrated rig file and of one with effects that a diagnosis found."""
+"""Beginnings of the first line of a calibrated rig file and of one with effects that a diagnosis
+found.
+"""
 
 Entry = dict[str, Any]
 """A number as a rig file has it, in the unit of the file."""
@@ -41,9 +45,10 @@ Entry = dict[str, Any]
 def calibrated_text(calibration: Calibration) -> str:
     """Write the numbers that an open circuit gives into the text of the rig file.
 
-    A number that is found anew gets its value, its standard uncertainty as `u`, a `source` that names the log, and as
-    `calibrated` the log and the number before the first calibration; a number that the log does not determine better keeps its
-    entry. The first line names this tool, its version and the log.
+    A number that is found anew gets its value, its standard uncertainty as `u`, a `source` that
+    names the log, and as `calibrated` the log and the number before the first calibration; a number
+    that the log does not determine better keeps its entry. The first line names this tool, its
+    version and the log.
 
     Raises
     ------
@@ -54,26 +59,36 @@ def calibrated_text(calibration: Calibration) -> str:
     for n in (number for number in calibration.numbers if number.new):
         if n.value <= 0.0:
             raise LogError(
-                f"{run.name}: {n.name} comes out as {n.value:.3g}, which no rig has, so that no rig file is written; check "
+                f"{run.name}: {n.name} comes out as {n.value:.3g}, which no rig has, so that no "
+                f"rig file is written; check "
                 "sign, unit and zero of the log's force and torque."
             )
         old = quantity_of(calibration.rig, n.section, n.name)
         prior = old if old is None or old.calibrated is None else old.calibrated.prior
         unit = n.unit if old is None else old.unit
         was = "" if math.isnan(n.before) else f"; was {_in_file(n.before, unit):.6g}"
-        source, record = f"calibrated from {log_name(run)}: {n.how}{was}", Calibrated(run.name, run.sha256, prior)
+        source, record = (
+            f"calibrated from {log_name(run)}: {n.how}{was}",
+            Calibrated(run.name, run.sha256, prior),
+        )
         numbers[n.section, n.name] = Quantity(n.value, unit, source, n.u, record)
     names = ", ".join(name for _, name in numbers) or "no number"
-    return _edited(calibration.rig, f"{MARK}{__version__} from {log_name(run)}: {names}.", numbers, {})
+    return _edited(
+        calibration.rig, f"{MARK}{__version__} from {log_name(run)}: {names}.", numbers, {}
+    )
 
 
 def corrected_text(
-    rig: Rig, effects: Mapping[str, StatedEffect], entries: Mapping[tuple[str, str], Quantity], title: str
+    rig: Rig,
+    effects: Mapping[str, StatedEffect],
+    entries: Mapping[tuple[str, str], Quantity],
+    title: str,
 ) -> str:
-    """Write effects into the text of a rig file, in place of those that it states by the same names, and corrected numbers.
+    """Write effects into the text of a rig file, in place of those that it states by the same
+    names, and corrected numbers.
 
-    Errors of sensors go to [sensors.errors]: they change what is read of the rig. Calibrated numbers are as before their
-    calibration again, since the effects were found against those.
+    Errors of sensors go to [sensors.errors]: they change what is read of the rig. Calibrated
+    numbers are as before their calibration again, since the effects were found against those.
 
     Parameters
     ----------
@@ -84,40 +99,62 @@ def corrected_text(
     ------
     RigError : the rig file cannot be read again
     """
-    numbers = {place: number.prior for place, number in calibrated_numbers(rig).items()} | dict(entries)
+    numbers = {place: number.prior for place, number in calibrated_numbers(rig).items()} | dict(
+        entries
+    )
     names = ", ".join([*effects, *(name for _, name in numbers)])
-    return _edited(rig, f"{CORRECTED}{__version__} from {printable_name(title)}: {names}.", numbers, effects)
+    return _edited(
+        rig, f"{CORRECTED}{__version__} from {printable_name(title)}: {names}.", numbers, effects
+    )
 
 
 def _edited(
-    rig: Rig, mark: str, numbers: Mapping[tuple[str, str], Quantity], effects: Mapping[str, StatedEffect]
+    rig: Rig,
+    mark: str,
+    numbers: Mapping[tuple[str, str], Quantity],
+    effects: Mapping[str, StatedEffect],
 ) -> str:
-    """The text of a rig file with a first line, numbers by section and name, and effects; line ends as they are."""
+    """The text of a rig file with a first line, numbers by section and name, and effects; line
+    ends as they are.
+    """
     import tomlkit
 
     text = _text_of(rig)
     first, _, rest = text.partition("\n")
-    document = tomlkit.parse((rest if first.startswith((MARK, CORRECTED)) else text).replace("\r\n", "\n"))
+    document = tomlkit.parse(
+        (rest if first.startswith((MARK, CORRECTED)) else text).replace("\r\n", "\n")
+    )
     for (section, name), quantity in numbers.items():
-        _put(document.setdefault(section, tomlkit.table()), name, _entry(quantity), tomlkit.inline_table())
+        _put(
+            document.setdefault(section, tomlkit.table()),
+            name,
+            _entry(quantity),
+            tomlkit.inline_table(),
+        )
     for name, effect in effects.items():
         group = document
         for part in effect.table(name).split(".")[:-1]:
             group = group.setdefault(part, tomlkit.table(is_super_table=True))
         numbers_of = {field: msgspec.to_builtins(number) for field, number in effect.fields.items()}
-        stated = {field: {key: x for key, x in number.items() if x is not None} for field, number in numbers_of.items()}
+        stated = {
+            field: {key: x for key, x in number.items() if x is not None}
+            for field, number in numbers_of.items()
+        }
         _put(group, name, {"logs": list(effect.logs), **stated}, tomlkit.table())
     edited = document.as_string()
     if tomllib.loads(edited) != document.unwrap():
         raise RigError(
-            f"{rig.path}: cannot be edited without a change to other entries; put each on a line of its own."
+            f"{rig.path}: cannot be edited without a change to other entries; put each on a line "
+            f"of its own."
         )
     parse_rig(edited, rig.path)
     return f"{mark}\n{edited}".replace("\n", "\r\n" if "\r\n" in text else "\n")
 
 
 def _put(parent: Any, name: str, entry: Entry, new: Table | InlineTable) -> None:
-    """Give a table of a document these keys alone: the one that is there, with its comments, or a new one."""
+    """Give a table of a document these keys alone: the one that is there, with its comments, or
+    a new one.
+    """
     from tomlkit import inline_table
     from tomlkit.items import Table
 
@@ -133,16 +170,25 @@ def _put(parent: Any, name: str, entry: Entry, new: Table | InlineTable) -> None
 
 
 def _entry(number: Quantity) -> Entry:
-    """A number in the unit of its file; a number before its calibration has the same unit, which is not repeated."""
-    entry: Entry = {"value": float(f"{_in_file(number.value, number.unit):.9g}"), "unit": number.unit}
+    """A number in the unit of its file; a number before its calibration has the same unit, which
+    is not repeated.
+    """
+    entry: Entry = {
+        "value": float(f"{_in_file(number.value, number.unit):.9g}"),
+        "unit": number.unit,
+    }
     if number.u is not None:
-        entry["u"] = float(f"{number.u * (_in_file(1.0, number.unit) - _in_file(0.0, number.unit)):.9g}")
+        entry["u"] = float(
+            f"{number.u * (_in_file(1.0, number.unit) - _in_file(0.0, number.unit)):.9g}"
+        )
     if number.source:
         entry["source"] = number.source
     if (found := number.calibrated) is not None:
         entry["calibrated"] = {"log": printable_name(found.log), "sha256": found.sha256}
         if found.prior is not None:
-            entry["calibrated"]["prior"] = {key: x for key, x in _entry(found.prior).items() if key != "unit"}
+            entry["calibrated"]["prior"] = {
+                key: x for key, x in _entry(found.prior).items() if key != "unit"
+            }
     return entry
 
 
@@ -159,7 +205,9 @@ def _text_of(rig: Rig) -> str:
     try:
         return Path(rig.path).read_bytes().decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as fault:
-        raise RigError(f"{rig.path}: the rig file cannot be read again ({fault}); give it by --rig.") from None
+        raise RigError(
+            f"{rig.path}: the rig file cannot be read again ({fault}); give it by --rig."
+        ) from None
 
 
 def printable_name(name: str) -> str:
@@ -169,12 +217,18 @@ def printable_name(name: str) -> str:
 
 def log_name(run: Run) -> str:
     """Name a log by its file, the first digits of its SHA-256 and its length."""
-    return f"{printable_name(run.name)} (sha256 {run.sha256[:12] or 'unknown'}, {run.samples} samples)"
+    return (
+        f"{printable_name(run.name)} (sha256 {run.sha256[:12] or 'unknown'}, {run.samples} samples)"
+    )
 
 
 def corrected_rig_text(found: ModelDiagnosis) -> str:
-    """Write the causes of a diagnosis into the text of its rig file, with its verdict; RigError where that is not possible."""
-    return corrected_text(found.rig, *corrections(found), f"{found.title} ({found.verdict.replace('_', ' ')})")
+    """Write the causes of a diagnosis into the text of its rig file, with its verdict; RigError
+    where that is not possible.
+    """
+    return corrected_text(
+        found.rig, *corrections(found), f"{found.title} ({found.verdict.replace('_', ' ')})"
+    )
 
 
 def corrected_rig(found: ModelDiagnosis) -> Rig:
@@ -186,15 +240,23 @@ def corrected_rig(found: ModelDiagnosis) -> Rig:
     return rig
 
 
-def corrections(found: ModelDiagnosis) -> tuple[dict[str, StatedEffect], dict[tuple[str, str], Quantity]]:
-    """Named causes as a rig file states them: effects with the logs of the fit, and corrected numbers by section and name.
+def corrections(
+    found: ModelDiagnosis,
+) -> tuple[dict[str, StatedEffect], dict[tuple[str, str], Quantity]]:
+    """Named causes as a rig file states them: effects with the logs of the fit, and corrected
+    numbers by section and name.
 
-    A wrong entry corrects its number, with its standard uncertainty; only the motion that a logger computes with the same wrong
-    radius gets its scale. A wrong load of one run is an entry of the campaign. A cause that the rig file states already is a
-    further change: its values become those of both together.
+    A wrong entry corrects its number, with its standard uncertainty; only the motion that a logger
+    computes with the same wrong radius gets its scale. A wrong load of one run is an entry of the
+    campaign. A cause that the rig file states already is a further change: its values become those
+    of both together.
     """
     logs = tuple(log_name(run) for k, run in enumerate(found.runs) if k not in found.data.withheld)
-    names, fit, title = [cause.effect for cause in found.causes], found.found.best, printable_name(found.title)
+    names, fit, title = (
+        [cause.effect for cause in found.causes],
+        found.found.best,
+        printable_name(found.title),
+    )
     u = np.sqrt(np.diag(posterior_of(found.found, fit).covariance))
     effects, entries = dict[str, StatedEffect](), dict[tuple[str, str], Quantity]()
     for name in names:
@@ -217,7 +279,9 @@ def corrections(found: ModelDiagnosis) -> tuple[dict[str, StatedEffect], dict[tu
     return effects, entries
 
 
-def _numbers(found: ModelDiagnosis, name: str, values: Signal, u: Signal, source: str) -> dict[str, EffectNumber]:
+def _numbers(
+    found: ModelDiagnosis, name: str, values: Signal, u: Signal, source: str
+) -> dict[str, EffectNumber]:
     """Fields of a cause, (k,), with their intervals; one at a bound of its range has none."""
     effect = found.suspects[name]
     earlier = {one.effect.name: one.values for one in stated_effects(found.rig)}.get(name)
@@ -227,7 +291,9 @@ def _numbers(found: ModelDiagnosis, name: str, values: Signal, u: Signal, source
         ends = np.tile(values, (3, 1))
         ends[:, k] += (-half[k], 0.0, half[k])
         changes = [with_values(effect, row) for row in ends]
-        low, value, high = ((change if earlier is None else change.after(earlier)).values[k] for change in changes)
+        low, value, high = (
+            (change if earlier is None else change.after(earlier)).values[k] for change in changes
+        )
         low, value, high = (float(f"{x:.6g}") for x in (low, value, high))
         minimum, maximum = field.limits
         interval = {"low": max(low, minimum), "high": min(high, maximum)} if u[k] else {}

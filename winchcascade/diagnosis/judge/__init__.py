@@ -1,1 +1,3 @@
-"""What a fit may be believed: alarms, closure, look-alikes, stability and the causes that are named."""
+"""What a fit may be believed: alarms, closure, look-alikes, stability and the causes that are
+named.
+"""

@@ -1,7 +1,9 @@
-"""Signs that the causes of a fit are not the whole truth, as one table: what each compares, with which limit.
+"""Signs that the causes of a fit are not the whole truth, as one table: what each compares, with
+which limit.
 
-Limits of energies and efficiencies follow from the number of all that are compared, so that a right model rings in a stated
-share of campaigns. How often each sign rings where nothing is wrong is measured: `python benchmarks/alarms.py`.
+Limits of energies and efficiencies follow from the number of all that are compared, so that a right
+model rings in a stated share of campaigns. How often each sign rings where nothing is wrong is
+measured: `python benchmarks/alarms.py`.
 """
 
 from __future__ import annotations
@@ -13,7 +15,14 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.diagnosis_result import Alarm, AlarmKind, Contribution, NamedCause, Spot, StageEnergy
+from winchcascade.diagnosis.diagnosis_result import (
+    Alarm,
+    AlarmKind,
+    Contribution,
+    NamedCause,
+    Spot,
+    StageEnergy,
+)
 from winchcascade.diagnosis.fit.evidence import Fit
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.predict import CHANNELS
@@ -57,7 +66,9 @@ class Judged(msgspec.Struct, frozen=True):
 
 
 class Sign(msgspec.Struct, frozen=True):
-    """A kind of sign: what it `compares`, in which `unit`, and every comparison of its kind, within its limit or beyond."""
+    """A kind of sign: what it `compares`, in which `unit`, and every comparison of its kind,
+    within its limit or beyond.
+    """
 
     kind: AlarmKind
     compares: str
@@ -78,7 +89,7 @@ DUST = 1e-12
 """What no size or limit of a sign is smaller than, where one divides by it. [1]"""
 
 
-# ------------------------------------------------------------------------------------------------- of the residual
+# -------------------------------------------------------------------------------- of the residual
 def structures(judged: Judged) -> Iterator[Alarm]:
     """Blocks that the fit leaves, by channel and phase."""
     for at, rms in block_rms(judged.data, judged.fit.z).items():
@@ -104,15 +115,27 @@ def pulls(judged: Judged) -> Iterator[Alarm]:
 
 
 OF_THE_RESIDUAL = (
-    Sign("structure", "root mean square of the blocks of a channel in a phase over all logs", "noise", structures),
-    Sign("scatter", "scatter within the blocks of payout, the worst log", "noise and model", scatters),
-    Sign("ripple", "scatter of blocks about a smooth course, the median of the logs", "noise", ripples),
+    Sign(
+        "structure",
+        "root mean square of the blocks of a channel in a phase over all logs",
+        "noise",
+        structures,
+    ),
+    Sign(
+        "scatter", "scatter within the blocks of payout, the worst log", "noise and model", scatters
+    ),
+    Sign(
+        "ripple",
+        "scatter of blocks about a smooth course, the median of the logs",
+        "noise",
+        ripples,
+    ),
     Sign("nuisance", "a number of rig, sensors or model against its tolerance", "tolerance", pulls),
 )
 """Signs that the residual of a fit alone shows."""
 
 
-# --------------------------------------------------------------------------------------------------- of the causes
+# ---------------------------------------------------------------------------------- of the causes
 def drifts(causes: Iterable[NamedCause]) -> Iterator[Alarm]:
     """Chance of a number that differs between runs: not this effect, or not it alone."""
     for cause in causes:
@@ -131,7 +154,9 @@ def implausible(causes: Iterable[NamedCause]) -> Iterator[Alarm]:
 def improbable(causes: Iterable[NamedCause]) -> Iterator[Alarm]:
     """Probability that another explanation is the true one."""
     for cause in causes:
-        yield Alarm("improbable", Spot(effects=(cause.effect,)), 1.0 - cause.probability, 1.0 - LIKELY)
+        yield Alarm(
+            "improbable", Spot(effects=(cause.effect,)), 1.0 - cause.probability, 1.0 - LIKELY
+        )
 
 
 def moved_by(data: Fitted, suspects: Suspects, fit: Fit) -> dict[str, Signal]:
@@ -143,7 +168,9 @@ def moved_by(data: Fitted, suspects: Suspects, fit: Fit) -> dict[str, Signal]:
 
 
 def cancelling(judged: Judged) -> Iterator[Alarm]:
-    """Pairs of causes in a channel over all logs: where they cancel each other, one of them may only undo the other."""
+    """Pairs of causes in a channel over all logs: where they cancel each other, one of them may
+    only undo the other.
+    """
     data = judged.data
     if len(judged.fit.names) < 2:
         return
@@ -158,7 +185,10 @@ def cancelling(judged: Judged) -> Iterator[Alarm]:
             smaller, both = min(_rms(a), _rms(b)), _rms(a + b)
             if smaller > CANCELLED_SHARE:
                 yield Alarm(
-                    "cancelling", Spot(channel, effects=(one, other)), smaller / max(both, DUST), 1.0 / CANCELLED
+                    "cancelling",
+                    Spot(channel, effects=(one, other)),
+                    smaller / max(both, DUST),
+                    1.0 / CANCELLED,
                 )
 
 
@@ -179,21 +209,42 @@ def made_worse(judged: Judged) -> Iterator[Alarm]:
 
 
 OF_THE_CAUSES = (
-    Sign("drift", "the number of a cause between runs", "power of ten of its chance", lambda one: drifts(one.fitted)),
-    Sign("range", "the number of a cause against what is plausible", "1", lambda one: implausible(one.causes)),
-    Sign("improbable", "the posterior of what is not a cause", "1", lambda one: improbable(one.causes)),
+    Sign(
+        "drift",
+        "the number of a cause between runs",
+        "power of ten of its chance",
+        lambda one: drifts(one.fitted),
+    ),
+    Sign(
+        "range",
+        "the number of a cause against what is plausible",
+        "1",
+        lambda one: implausible(one.causes),
+    ),
+    Sign(
+        "improbable",
+        "the posterior of what is not a cause",
+        "1",
+        lambda one: improbable(one.causes),
+    ),
     Sign("cancelling", "what each of two causes moves over what both move", "1", cancelling),
-    Sign("worse", "a channel of the held-out logs with the causes and without", "noise and model", made_worse),
+    Sign(
+        "worse",
+        "a channel of the held-out logs with the causes and without",
+        "noise and model",
+        made_worse,
+    ),
 )
 """Signs that the causes show."""
 
 
-# --------------------------------------------------------------------------------------- of energies and efficiencies
+# ------------------------------------------------------------------- of energies and efficiencies
 def largest_of(count: int) -> float:
-    """Standard uncertainties that none of some differences exceeds but with the probability `FALSE_ALARM` (Sidak 1967). [1]
+    """Standard uncertainties that none of some differences exceeds but with the probability
+    `FALSE_ALARM` (Sidak 1967). [1]
 
-    The uncertainties follow from the discrepancies that a fit finds, of which there are about as many as differences: they
-    have Student's distribution with as many degrees of freedom.
+    The uncertainties follow from the discrepancies that a fit finds, of which there are about as
+    many as differences: they have Student's distribution with as many degrees of freedom.
 
     >>> round(largest_of(46), 1), round(largest_of(7), 1)
     (4.0, 5.1)
@@ -220,25 +271,37 @@ STAGES_OF = {"eta_pto": ("line", "gen"), "eta_trans": ("line", "mech"), "eta_gen
 def left_over(
     contributions: Iterable[Contribution], energies: Iterable[StageEnergy], accuracy: ModelAccuracy
 ) -> Iterator[Alarm]:
-    """Residuals of efficiencies against what the rig file calls relevant and the uncertainty of their energies."""
+    """Residuals of efficiencies against what the rig file calls relevant and the uncertainty of
+    their energies.
+    """
     contributions = tuple(contributions)
     window = {(one.log, one.metric): abs(one.measured) for one in contributions}
     share = {
-        (one.run, one.stage): _share_of_window(one, window.get((one.run, f"energy_{one.stage}"), math.nan))
+        (one.run, one.stage): _share_of_window(
+            one, window.get((one.run, f"energy_{one.stage}"), math.nan)
+        )
         for one in energies
         if one.phase == "payout" and one.measured
     }
-    efficiencies = [one for one in contributions if one.metric in STAGES_OF and math.isfinite(one.measured)]
+    efficiencies = [
+        one for one in contributions if one.metric in STAGES_OF and math.isfinite(one.measured)
+    ]
     within = largest_of(len(efficiencies))
     for one in efficiencies:
         residual = next((part.value for part in one.parts if part.kind == "residual"), 0.0)
         first, last = (share.get((one.log, stage), math.inf) for stage in STAGES_OF[one.metric])
         known = within * abs(one.measured) * math.hypot(first, last)
-        yield Alarm("residual", Spot(one.metric, load=one.load), abs(residual), accuracy.relevant_efficiency + known)
+        yield Alarm(
+            "residual",
+            Spot(one.metric, load=one.load),
+            abs(residual),
+            accuracy.relevant_efficiency + known,
+        )
 
 
 def _share_of_window(energy: StageEnergy, window: float) -> float:
-    """Standard uncertainty of the energy of a window over that energy: noise averages out less than over a whole payout. [1]
+    """Standard uncertainty of the energy of a window over that energy: noise averages out less than
+    over a whole payout. [1]
 
     Parameters
     ----------
@@ -249,7 +312,12 @@ def _share_of_window(energy: StageEnergy, window: float) -> float:
 
 
 OF_ENERGIES = (
-    Sign("energy", "an energy of a run, phase and stage", "standard uncertainty", lambda one: unbalanced(one.energies)),
+    Sign(
+        "energy",
+        "an energy of a run, phase and stage",
+        "standard uncertainty",
+        lambda one: unbalanced(one.energies),
+    ),
     Sign(
         "residual",
         "an efficiency that the fit leaves, its energies' uncertainty allowed",

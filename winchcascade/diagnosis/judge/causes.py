@@ -1,4 +1,6 @@
-"""What is reported of each cause: its probability, its numbers, and the suspects that explain the same data as well."""
+"""What is reported of each cause: its probability, its numbers, and the suspects that explain
+the same data as well.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,9 @@ ENTRIES = "entry"
 """Stage of wrong entries."""
 
 TRIED = 4
-"""Maximum number of alternatives of each cause that are refitted, nearest first by the closed form."""
+"""Maximum number of alternatives of each cause that are refitted, nearest first by the closed
+form.
+"""
 
 COVERED = 1.96
 """Standard deviations on either side of a 95 % interval."""
@@ -50,21 +54,26 @@ ONE_SIDED = 1.645
 
 
 OPEN_SHARE = 1.0 / (1.0 + 0.25)
-"""Share of the variance of its prior above which a number is not determined: the data tell of it less than a quarter of
-what was known before. [1]"""
+"""Share of the variance of its prior above which a number is not determined: the data tell of it
+less than a quarter of what was known before. [1]"""
 
 
 class LookAlike(NamedTuple):
-    """A set with other suspects in place of a cause: its fit, and by how much evidence it falls short of the best [nats]."""
+    """A set with other suspects in place of a cause: its fit, and by how much evidence it falls
+    short of the best [nats].
+    """
 
     fit: Fit
     short: float
 
 
-def causes_of(data: Fitted, found: Found, directions: Sequence[Direction]) -> tuple[NamedCause, ...]:
+def causes_of(
+    data: Fitted, found: Found, directions: Sequence[Direction]
+) -> tuple[NamedCause, ...]:
     """Every cause of the best set: wrong entries first, then the most important.
 
-    The posterior of a cause is no larger than its look-alikes leave: a prior or the exact form of a law must not hide them.
+    The posterior of a cause is no larger than its look-alikes leave: a prior or the exact form of a
+    law must not hide them.
     """
     best, suspects, swapped = found.best, found.problem.suspects, look_alikes_of(found)
     without = {name: _without(found, name) for name in best.names}
@@ -74,10 +83,14 @@ def causes_of(data: Fitted, found: Found, directions: Sequence[Direction]) -> tu
         NamedCause(
             effect=name,
             stage=suspects[name].stage,
-            probability=min(sum(p for names, p in chance.items() if name in names), 1.0 / _odds(swapped[name])),
-            parameters=parameters_of(posterior, suspects[name], name) | product_of(suspects[name], name),
+            probability=min(
+                sum(p for names, p in chance.items() if name in names), 1.0 / _odds(swapped[name])
+            ),
+            parameters=parameters_of(posterior, suspects[name], name)
+            | product_of(suspects[name], name),
             look_alikes=tuple(
-                _named(data, found, one.fit, name, _weight(one) / _odds(swapped[name])) for one in swapped[name]
+                _named(data, found, one.fit, name, _weight(one) / _odds(swapped[name]))
+                for one in swapped[name]
             ),
             weight=without[name].loss - best.loss,
             ablation=share_closed(data, suspects, without[name]),
@@ -114,9 +127,11 @@ def probabilities(fits: dict[Names, Fit], evidence: Evidence) -> dict[Names, flo
     return dict(zip(fits, (odds / odds.sum()).tolist(), strict=True))
 
 
-# ----------------------------------------------------------------------------------------------------- numbers of a cause
+# ----------------------------------------------------------------------------- numbers of a cause
 class Posterior(NamedTuple):
-    """What the data leave open of the fields of a fit: `covariance` (k, k), `curve` (k, k), `slope` (k,) of the objective."""
+    """What the data leave open of the fields of a fit: `covariance` (k, k), `curve` (k, k),
+    `slope` (k,) of the objective.
+    """
 
     fit: Fit
     covariance: Signal
@@ -140,7 +155,8 @@ def posterior_of(found: Found, fit: Fit) -> Posterior:
 
 
 def parameters_of(posterior: Posterior, effect: Effect, name: str) -> dict[str, Reported]:
-    """What is reported of one cause, with 95 % intervals, and with the uncertainty `LAW` of its law.
+    """What is reported of one cause, with 95 % intervals, and with the uncertainty `LAW` of its
+    law.
 
     A wrong entry follows no law of nature.
     """
@@ -148,7 +164,9 @@ def parameters_of(posterior: Posterior, effect: Effect, name: str) -> dict[str, 
     x, reported = posterior.fit.x[own], {}
     value, absent = (with_values(effect, at).reported for at in (x, freedom(effect).absent))
     law = max(LAW, effect.law_u) * abs(value - absent) if effect.entry is None else 0.0
-    reported[effect.parameter] = _interval(posterior, own, slope_of_reported(effect, x), (value, law), effect.unit)
+    reported[effect.parameter] = _interval(
+        posterior, own, slope_of_reported(effect, x), (value, law), effect.unit
+    )
     for k, field in enumerate(effect.fields):
         if field.name in effect.beside:
             number = float(x[k]), LAW * abs(float(x[k]) - field.absent)
@@ -159,18 +177,27 @@ def parameters_of(posterior: Posterior, effect: Effect, name: str) -> dict[str, 
 def _product(
     data: Fitted, directions: Sequence[Direction], posterior: Posterior, effect: Effect, name: str
 ) -> dict[str, Reported]:
-    """The product of two numbers that the logs know together alone, where a cause changes one of them by a share of it."""
+    """The product of two numbers that the logs know together alone, where a cause changes one of
+    them by a share of it.
+    """
     for direction in directions:
         pair = direction.product
         if pair is None or effect.path not in pair or effect.fields[0].operation != "scale":
             continue
         stated = math.prod(number_of(data.nominal, path) * IN_RIG.get(path, 1.0) for path in pair)
-        own, (first, second) = posterior.fit.place[name], (path_in_rig(path).split(".")[1] for path in pair)
+        own, (first, second) = (
+            posterior.fit.place[name],
+            (path_in_rig(path).split(".")[1] for path in pair),
+        )
         change = float(posterior.fit.x[own][0])
         gradient = stated * np.eye(len(effect.fields))[0]
         law = 0.0 if effect.entry is not None else LAW * abs(stated * change)
         number = stated * (1.0 + change), law
-        return {f"{second}_x_{first}": _interval(posterior, own, gradient, number, _unit_of(data.rig, pair))}
+        return {
+            f"{second}_x_{first}": _interval(
+                posterior, own, gradient, number, _unit_of(data.rig, pair)
+            )
+        }
     return {}
 
 
@@ -181,10 +208,13 @@ def _unit_of(rig: Rig, pair: tuple[str, str]) -> str:
     return ".".join(units) or "1"
 
 
-def _interval(posterior: Posterior, own: slice, gradient: Signal, of: tuple[float, float], unit: str) -> Reported:
+def _interval(
+    posterior: Posterior, own: slice, gradient: Signal, of: tuple[float, float], unit: str
+) -> Reported:
     """A number that follows from the fields of a cause, with its 95 % interval.
 
-    The interval is infinite where the data tell little of the number, and one-sided where one field at a bound gives it.
+    The interval is infinite where the data tell little of the number, and one-sided where one field
+    at a bound gives it.
 
     Parameters
     ----------
@@ -193,7 +223,10 @@ def _interval(posterior: Posterior, own: slice, gradient: Signal, of: tuple[floa
     """
     (value, law), fit = of, posterior.fit
     free, x = fit.free.some(range(own.start, own.stop)), fit.x[own]
-    used, variance = np.flatnonzero(gradient), float(gradient @ posterior.covariance[own, own] @ gradient)
+    used, variance = (
+        np.flatnonzero(gradient),
+        float(gradient @ posterior.covariance[own, own] @ gradient),
+    )
     margin = 1e-9 * (free.high - free.low)
     at = (x >= free.maximum - margin) * 1 - (x <= free.minimum + margin) * 1
     beyond = bool(np.any(((x > free.high) | (x < free.low)) & (gradient != 0.0)))
@@ -201,7 +234,9 @@ def _interval(posterior: Posterior, own: slice, gradient: Signal, of: tuple[floa
         return Reported(value, -math.inf, math.inf, unit, beyond_range=beyond)
     if used.size == 1 and at[used[0]]:
         slope = float(gradient[used[0]])
-        away = math.hypot(abs(slope) * _one_sided(posterior, own.start + int(used[0])), ONE_SIDED / COVERED * law)
+        away = math.hypot(
+            abs(slope) * _one_sided(posterior, own.start + int(used[0])), ONE_SIDED / COVERED * law
+        )
         upper = bool(at[used[0]] * slope > 0.0)
         number = Reported(value, value - away * upper, value + away * (not upper), unit)
         if abs(x - free.absent)[used[0]] <= margin[used[0]]:
@@ -212,7 +247,8 @@ def _interval(posterior: Posterior, own: slice, gradient: Signal, of: tuple[floa
 
 
 def _one_sided(posterior: Posterior, k: int) -> float:
-    """How far below a bound that it is pushed against a field lies with a probability of 5 %, in its unit.
+    """How far below a bound that it is pushed against a field lies with a probability of 5 %, in
+    its unit.
 
     The posterior there is a normal one cut off at the bound, beyond which its maximum lies.
     """
@@ -229,20 +265,27 @@ def _one_sided(posterior: Posterior, k: int) -> float:
 def slope_of_reported(effect: Effect, values: Signal) -> Signal:
     """Derivative of the reported number of a suspect over its fields, (k,)."""
     value = with_values(effect, values).reported
-    return np.array([(moved.reported - value) / step for moved, step in varied(effect, values, 1e-3)])
+    return np.array(
+        [(moved.reported - value) / step for moved, step in varied(effect, values, 1e-3)]
+    )
 
 
-# --------------------------------------------------------------------------------------------------------- look-alikes
+# ------------------------------------------------------------------------------------ look-alikes
 def _look_alikes(found: Found, name: str, without: Fit) -> list[LookAlike]:
     """Sets of equal size without one cause that are about as good, best first.
 
-    Where one of the two is a wrong entry only the fit counts, as a prior must not hide that the logs cannot distinguish them.
-    Suspects that change numbers which the logs know together alone always explain each other: the logs are the same with the
-    other numbers of that direction moved too.
-    Two of one class explain each other if the fit keeps most of what the cause explains: the exact form of their laws is not
-    known so well.
+    Where one of the two is a wrong entry only the fit counts, as a prior must not hide that the
+    logs cannot distinguish them. Suspects that change numbers which the logs know together alone
+    always explain each other: the logs are the same with the other numbers of that direction moved
+    too. Two of one class explain each other if the fit keeps most of what the cause explains: the
+    exact form of their laws is not known so well.
     """
-    best, evidence, suspects, linear = found.best, found.evidence, found.problem.suspects, found.expansion
+    best, evidence, suspects, linear = (
+        found.best,
+        found.evidence,
+        found.problem.suspects,
+        found.expansion,
+    )
     others = [other for other in suspects if other not in best.names]
     same = [other for other in others if same_in_logs(name, other)]
     entries = [other for other in others if is_entry(name) or is_entry(other)]
@@ -251,23 +294,37 @@ def _look_alikes(found: Found, name: str, without: Fit) -> list[LookAlike]:
     def foreseen(other: str) -> float:
         swapped = swap(best.names, name, other)
         lost = linear.rated(best.names) - linear.rated(swapped)
-        return lost - found.problem.price(other) + found.problem.price(name) if other in entries else lost
+        return (
+            lost - found.problem.price(other) + found.problem.price(name)
+            if other in entries
+            else lost
+        )
 
     short = {other: foreseen(other) for other in others if other not in same}
-    near = sorted((other for other in short if short[other] < 4.0 * AS_GOOD), key=lambda other: short[other])[:TRIED]
+    near = sorted(
+        (other for other in short if short[other] < 4.0 * AS_GOOD), key=lambda other: short[other]
+    )[:TRIED]
     alike = []
     for other in dict.fromkeys((*near, *same, *together)):
-        fit = found.fit(swap(best.names, name, other), _start(found, name, other) if other in same else None)
+        fit = found.fit(
+            swap(best.names, name, other), _start(found, name, other) if other in same else None
+        )
         lost, by_evidence = fit.loss - best.loss, evidence.of(best) - evidence.of(fit)
         if other in entries:
             usual = usual_gain(suspects, fit.names, fit.x, fit.free, fit.curve / found.scale)
             odd = -min(usual, 0.0) if suspects[other].fields[0].usual_share == 1.0 else 0.0
             by_evidence = lost / found.scale - min(usual, 0.0)
             by_evidence = min(by_evidence, AS_GOOD + odd) if other in together else by_evidence
-        elif other in same and lost < UNCONFUSED * (without.loss - best.loss) + AS_GOOD * found.scale:
+        elif (
+            other in same and lost < UNCONFUSED * (without.loss - best.loss) + AS_GOOD * found.scale
+        ):
             by_evidence = min(by_evidence, AS_GOOD)
         alike.append(LookAlike(fit, by_evidence))
-    several = [fit for fit in found.sets().values() if len(fit.names) == len(best.names) and name not in fit.names]
+    several = [
+        fit
+        for fit in found.sets().values()
+        if len(fit.names) == len(best.names) and name not in fit.names
+    ]
     several = [fit for fit in several if len(set(fit.names) - set(best.names)) > 1]
     alike += [LookAlike(fit, evidence.of(best) - evidence.of(fit)) for fit in several]
     return sorted((one for one in alike if one.short <= AS_GOOD), key=lambda one: one.short)
@@ -276,13 +333,19 @@ def _look_alikes(found: Found, name: str, without: Fit) -> list[LookAlike]:
 def _start(found: Found, name: str, other: str) -> dict[str, Signal]:
     """Where the fit of a suspect that looks the same in place of a cause begins.
 
-    Where both change one number by a share of it, that is the same change or its inverse, so that no expansion about the absent
-    effect is needed.
+    Where both change one number by a share of it, that is the same change or its inverse, so that
+    no expansion about the absent effect is needed.
     """
     suspects, share = found.problem.suspects, found.best.x[found.best.place[name]]
-    if not (is_entry(name) or is_entry(other)) or len(suspects[name].fields) != len(suspects[other].fields):
+    if not (is_entry(name) or is_entry(other)) or len(suspects[name].fields) != len(
+        suspects[other].fields
+    ):
         return {}
-    kept = [one for one, of in zip(found.best.effects(suspects), found.best.names, strict=True) if of != name]
+    kept = [
+        one
+        for one, of in zip(found.best.effects(suspects), found.best.names, strict=True)
+        if of != name
+    ]
 
     changes = share, 1.0 / (1.0 + share) - 1.0
     z = found.problem.residuals(
@@ -297,12 +360,15 @@ def swap(names: Names, name: str, other: str) -> Names:
 
 
 def _named(data: Fitted, found: Found, other: Fit, name: str, probability: float) -> Alternative:
-    """The alternative of a fit, and where the two differ most; nowhere if nothing that the logs measure distinguishes them.
+    """The alternative of a fit, and where the two differ most; nowhere if nothing that the logs
+    measure distinguishes them.
 
     Where the fit has several other suspects, the first that takes the place of the cause.
     """
     best = found.best
-    gone, new = (sorted(set(a) - set(b)) for a, b in ((best.names, other.names), (other.names, best.names)))
+    gone, new = (
+        sorted(set(a) - set(b)) for a, b in ((best.names, other.names), (other.names, best.names))
+    )
     effect = new[min(gone.index(name), len(new) - 1)]
     if are_together(found.problem.exclusive, name, effect):
         return Alternative(effect, probability, None)

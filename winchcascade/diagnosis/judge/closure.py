@@ -1,4 +1,6 @@
-"""How far a gap shrinks on held-out logs, and whether the residual of the fit is more than noise, and where."""
+"""How far a gap shrinks on held-out logs, and whether the residual of the fit is more than
+noise, and where.
+"""
 
 from __future__ import annotations
 
@@ -39,8 +41,8 @@ DRAWS = 400
 class ModelClosure(GapClosure, frozen=True):
     """Share of the explainable gap that the causes close on logs that took no part in their fit.
 
-    `residual` (M, 5) are measured minus predicted blocks after, zeros taken off, NaN for logs that were not withheld.
-    `predictions` are, by number of the `withheld` log, the fits without it.
+    `residual` (M, 5) are measured minus predicted blocks after, zeros taken off, NaN for logs that
+    were not withheld. `predictions` are, by number of the `withheld` log, the fits without it.
     """
 
     withheld: tuple[int, ...]
@@ -49,21 +51,25 @@ class ModelClosure(GapClosure, frozen=True):
 
 
 def close(data: Fitted, found: Found, fit: Fit, withheld: Sequence[int], seed: int) -> ModelClosure:
-    """Predict each withheld log from a fit without the logs of its load, or its cycles in turn where `left_out` says so.
+    """Predict each withheld log from a fit without the logs of its load, or its cycles in turn
+    where `left_out` says so.
 
-    Each such fit is one step of Gauss and Newton away from the fit to all logs. What the other logs do not determine, as a
-    roll-off at currents that they do not reach, stays as it was found.
+    Each such fit is one step of Gauss and Newton away from the fit to all logs. What the other logs
+    do not determine, as a roll-off at currents that they do not reach, stays as it was found.
 
     Parameters
     ----------
     fit : has the causes; where it already lacks the withheld logs it serves as it is
-    withheld : numbers of logs; of those that take part in the fit the logs of each load are left out in turn
+    withheld : numbers of logs; of those that take part in the fit the logs of each load are left
+        out in turn
     """
     suspects, predictions = found.problem.suspects, dict[int, Fit]()
     best = fit if fit is found.best else located(found.problem, found.marginal, fit.names, fit.x)
     after = np.full_like(data.measured, math.nan)
     for held in left_out(data, withheld):
-        here = sorted({int(k) for k in np.searchsorted([rows.stop for rows in data.rows], held, side="right")})
+        here = sorted(
+            {int(k) for k in np.searchsorted([rows.stop for rows in data.rows], held, side="right")}
+        )
         fit = best
         known: list[ActiveEffect] = []
         if not data.withheld.issuperset(here):
@@ -85,7 +91,8 @@ def close(data: Fitted, found: Found, fit: Fit, withheld: Sequence[int], seed: i
 
 
 def _without(found: Found, fit: Fit, names: Names, rows: Signal) -> Fit:
-    """Numbers of some suspects of a fit and nuisances, by the residuals with some weights, (n,), and near the fit.
+    """Numbers of some suspects of a fit and nuisances, by the residuals with some weights, (n,),
+    and near the fit.
 
     The prior is about the fit, and not about the absence of the suspects.
     """
@@ -102,7 +109,8 @@ def _without(found: Found, fit: Fit, names: Names, rows: Signal) -> Fit:
 
 
 class HeldOut:
-    """Closures of sets on the logs that take part in a diagnosis, left out in turn; each is found once.
+    """Closures of sets on the logs that take part in a diagnosis, left out in turn; each is found
+    once.
 
     Parameters
     ----------
@@ -122,14 +130,16 @@ class HeldOut:
 
 
 def judging(data: Fitted) -> list[int]:
-    """Numbers of the logs that are left out in turn, of those that take part in a fit: all with a load, or all without any."""
+    """Numbers of the logs that are left out in turn, of those that take part in a fit: all with
+    a load, or all without any.
+    """
     taking = [k for k in range(len(data.logs)) if k not in data.withheld]
     return [k for k in taking if math.isfinite(data.logs[k].load)] or taking
 
 
 def closes_more(data: Fitted, one: ModelClosure, other: ModelClosure, seed: int) -> bool:
-    """Whether a set closes more of the gap on the same held-out logs than another, beyond what another choice of cycles changes
-    with a probability of 95 %.
+    """Whether a set closes more of the gap on the same held-out logs than another, beyond what
+    another choice of cycles changes with a probability of 95 %.
     """
     if one.share <= other.share:
         return False
@@ -142,15 +152,21 @@ def _before(data: Fitted) -> Signal:
 
 
 def share_closed(data: Fitted, suspects: Suspects, fit: Fit) -> float:
-    """Share of the explainable gap that causes close on the logs of their own fit, numbers of the rig within `REACH`. [1]"""
+    """Share of the explainable gap that causes close on the logs of their own fit, numbers of
+    the rig within `REACH`. [1]
+    """
     given = data.predict(np.zeros(len(data.nuisances)), [])
     fitted = data.predict(_of_the_rig(data, fit), fit.effects(suspects))
     before, after = (data.without_zeros(data.measured - predicted) for predicted in (given, fitted))
-    return _share(_squares(data, before, after, [k for k in range(len(data.logs)) if k not in data.withheld]))
+    return _share(
+        _squares(data, before, after, [k for k in range(len(data.logs)) if k not in data.withheld])
+    )
 
 
 def _of_the_rig(data: Fitted, fit: Fit) -> Signal:
-    """Nuisances of a fit that concern the rig and its sensors, within `REACH`; zeros and discrepancies of the model are 0."""
+    """Nuisances of a fit that concern the rig and its sensors, within `REACH`; zeros and
+    discrepancies of the model are 0.
+    """
     return np.where([n.kind in LOCAL for n in data.nuisances], 0.0, np.clip(fit.nu, -REACH, REACH))
 
 
@@ -159,13 +175,19 @@ PARTS = 3
 
 
 def left_out(data: Fitted, withheld: Sequence[int]) -> list[NDArray[np.intp]]:
-    """Blocks that are predicted together from a fit to the others, by their numbers, in increasing order.
+    """Blocks that are predicted together from a fit to the others, by their numbers, in increasing
+    order.
 
-    These are those of all logs of a load. Where no other run with a load would remain, as in a campaign of one load and an open
-    circuit, an open circuit cannot determine what the load makes visible: then its cycles are left out in turn.
+    These are those of all logs of a load. Where no other run with a load would remain, as in a
+    campaign of one load and an open circuit, an open circuit cannot determine what the load makes
+    visible: then its cycles are left out in turn.
     """
     loads = dict.fromkeys(data.logs[k].load for k in withheld)
-    loaded = {log.load for k, log in enumerate(data.logs) if k not in data.withheld and math.isfinite(log.load)}
+    loaded = {
+        log.load
+        for k, log in enumerate(data.logs)
+        if k not in data.withheld and math.isfinite(log.load)
+    }
     found = []
     for load in loads:
         here = [k for k in withheld if data.logs[k].load == load]
@@ -174,7 +196,11 @@ def left_out(data: Fitted, withheld: Sequence[int]) -> list[NDArray[np.intp]]:
         if data.withheld.issuperset(here) or loaded - {load} or cycles.size < 2:
             found.append(rows)
             continue
-        part = np.searchsorted(cycles, data.blocks.cycle[rows]) * min(PARTS, cycles.size) // cycles.size
+        part = (
+            np.searchsorted(cycles, data.blocks.cycle[rows])
+            * min(PARTS, cycles.size)
+            // cycles.size
+        )
         found += [rows[part == number] for number in range(min(PARTS, cycles.size))]
     return found
 
@@ -187,17 +213,21 @@ def by_cycles(data: Fitted, withheld: Sequence[int]) -> bool:
 def closure_between(
     data: Fitted, before: Signal, after: Signal, predictions: dict[int, Fit], seed: int
 ) -> ModelClosure:
-    """Compare the gaps of the withheld logs before and after. Only the noise of the logs is subtracted, not the discrepancy of
-    the model.
+    """Compare the gaps of the withheld logs before and after. Only the noise of the logs is
+    subtracted, not the discrepancy of the model.
 
     Parameters
     ----------
-    before, after : (M, 5) measured minus predicted blocks, zeros taken off; `after` is NaN for logs that were not withheld
+    before, after : (M, 5) measured minus predicted blocks, zeros taken off; `after` is NaN for logs
+        that were not withheld
     predictions : fits by number of the withheld log
     """
     withheld = sorted(predictions)
     by_log = _squares(data, before, after, withheld)
-    share, draws = _share(by_log), _resampled(data, _each_squared(data, before, after), withheld, seed)
+    share, draws = (
+        _share(by_log),
+        _resampled(data, _each_squared(data, before, after), withheld, seed),
+    )
     low, high = np.clip(np.quantile(draws, (0.025, 0.975)), -1.0, 1.0).tolist()
     total = by_log.sum(axis=0)
     return ModelClosure(
@@ -216,8 +246,12 @@ def closure_between(
 
 
 def _draws(data: Fitted, closure: ModelClosure, seed: int) -> Signal:
-    """Share that a closure would have with other choices of the cycles of its logs, alike for all closures of these logs."""
-    return _resampled(data, _each_squared(data, _before(data), closure.residual), closure.withheld, seed)
+    """Share that a closure would have with other choices of the cycles of its logs, alike for
+    all closures of these logs.
+    """
+    return _resampled(
+        data, _each_squared(data, _before(data), closure.residual), closure.withheld, seed
+    )
 
 
 def _resampled(data: Fitted, squares: Signal, withheld: Sequence[int], seed: int) -> Signal:
@@ -231,7 +265,10 @@ def _resampled(data: Fitted, squares: Signal, withheld: Sequence[int], seed: int
     by_cycle = [_by_cycle(squares[data.rows[k]], data.blocks.cycle[data.rows[k]]) for k in withheld]
     first = np.cumsum([0, *(len(cells) for cells in by_cycle)])[:-1]
     draws = [
-        [at + rng.integers(len(cells), size=len(cells)) for at, cells in zip(first, by_cycle, strict=True)]
+        [
+            at + rng.integers(len(cells), size=len(cells))
+            for at, cells in zip(first, by_cycle, strict=True)
+        ]
         for _ in range(DRAWS)
     ]
     chosen = np.array([np.concatenate(one) for one in draws])
@@ -239,7 +276,9 @@ def _resampled(data: Fitted, squares: Signal, withheld: Sequence[int], seed: int
 
 
 def _each_squared(data: Fitted, before: Signal, after: Signal) -> Signal:
-    """Squares of the gap before, after, of noise, and ones, of every block, (M, 4, 5); 0 where a block does not count."""
+    """Squares of the gap before, after, of noise, and ones, of every block, (M, 4, 5); 0 where a
+    block does not count.
+    """
     each = np.stack([before, after, data.logged_noise, np.ones_like(after)], 1)
     return np.where((data.seen & np.isfinite(after))[:, None], each**2, 0.0)
 
@@ -256,17 +295,20 @@ def _by_cycle(squares: Signal, cycle: NDArray[np.intp]) -> Signal:
 
 
 def _share(sums: Signal) -> float:
-    """Share that is closed of what exceeds noise, over channels and logs or their cycles, each in mean squares of its noise.
+    """Share that is closed of what exceeds noise, over channels and logs or their cycles, each in
+    mean squares of its noise.
 
     Parameters
     ----------
-    sums : (cells, 4, 5) sums of squares of the gap before, after, of noise, and the number of blocks, by channel
+    sums : (cells, 4, 5) sums of squares of the gap before, after, of noise, and the number of
+        blocks, by channel
     """
     return float(_share_of(*_excess(sums).sum(axis=1)))
 
 
 def _excess(sums: Signal) -> Signal:
-    """What exceeds noise before and after over all channels, in mean squares of it, and how many channels count, (3, cells).
+    """What exceeds noise before and after over all channels, in mean squares of it, and how many
+    channels count, (3, cells).
 
     Parameters
     ----------

@@ -1,4 +1,6 @@
-"""How a search concludes: its best set has no imitator, and no smaller set predicts held-out logs better."""
+"""How a search concludes: its best set has no imitator, and no smaller set predicts held-out
+logs better.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,13 @@ import numpy as np
 
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.search import Found, gone_on, weighing
-from winchcascade.diagnosis.judge.alarms import OF_THE_RESIDUAL, Judged, cancelling, moved_by, ringing
+from winchcascade.diagnosis.judge.alarms import (
+    OF_THE_RESIDUAL,
+    Judged,
+    cancelling,
+    moved_by,
+    ringing,
+)
 from winchcascade.diagnosis.judge.causes import COVERED, look_alikes_of
 from winchcascade.diagnosis.judge.closure import (
     HeldOut,
@@ -29,10 +37,14 @@ RESUMED = 4
 """Maximum number of times that a search goes on from what its conclusion finds."""
 
 
-def concluded(data: Fitted, found: Found, held_out: HeldOut, on_progress: Callable[[str], None]) -> Found:
-    """A search at its end: its best set has no imitator, and no smaller set predicts held-out logs better.
+def concluded(
+    data: Fitted, found: Found, held_out: HeldOut, on_progress: Callable[[str], None]
+) -> Found:
+    """A search at its end: its best set has no imitator, and no smaller set predicts held-out logs
+    better.
 
-    Look-alikes of its causes are fitted. Where one of these has more evidence, the search goes on from there.
+    Look-alikes of its causes are fitted. Where one of these has more evidence, the search goes on
+    from there.
     """
     for _ in range(RESUMED):
         found = predicting_best(without_imitators(data, found), held_out)
@@ -45,8 +57,9 @@ def concluded(data: Fitted, found: Found, held_out: HeldOut, on_progress: Callab
 
 
 def predicting_best(found: Found, held_out: HeldOut) -> Found:
-    """A search without a best set that predicts held-out logs worse than nothing does, and without one of several causes of
-    which fewer, or another effect alone, predict them better; or as well, where causes of the set cancel each other.
+    """A search without a best set that predicts held-out logs worse than nothing does, and without
+    one of several causes of which fewer, or another effect alone, predict them better; or as well,
+    where causes of the set cancel each other.
     """
     best, data = found.best, held_out.data
     if best.names and held_out.of(found, best).high < 0.0:
@@ -58,22 +71,31 @@ def predicting_best(found: Found, held_out: HeldOut) -> Found:
     tried = {fit.names: fit for fit in (best, *fewer, *found.singles()) if found.allowed(fit.names)}
     closures = {names: held_out.of(found, fit) for names, fit in tried.items()}
     own, worth = closures.pop(best.names), weighing(found).worth
-    chosen = [names for names, closure in closures.items() if closes_more(data, closure, own, held_out.seed)]
+    chosen = [
+        names
+        for names, closure in closures.items()
+        if closes_more(data, closure, own, held_out.seed)
+    ]
     one = Judged(data, found.problem.suspects, best)
     if not chosen and any(pair.size > pair.limit for pair in cancelling(one)):
-        chosen = [names for names, closure in closures.items() if closure.share >= own.share - DISPENSABLE]
+        chosen = [
+            names for names, closure in closures.items() if closure.share >= own.share - DISPENSABLE
+        ]
     if not chosen:
         return found
     names = max(chosen, key=lambda names: worth(tried[names]))
     least = worth(tried[names])
-    larger = {other for other, fit in found.fits.items() if len(other) > len(names) and worth(fit) > least}
+    larger = {
+        other for other, fit in found.fits.items() if len(other) > len(names) and worth(fit) > least
+    }
     smaller = msgspec.structs.replace(found, rejected=found.rejected | larger)
     smaller.about(tried[names])
     return predicting_best(smaller.led_by(names), held_out)
 
 
 def shares_of_plateau(data: Fitted, moved: Mapping[str, Signal]) -> dict[str, Signal]:
-    """Root mean square over all logs of what causes move in each channel, (5,) each, as a share of its plateau. [1]
+    """Root mean square over all logs of what causes move in each channel, (5,) each, as a share of
+    its plateau. [1]
 
     Parameters
     ----------
@@ -87,7 +109,8 @@ def shares_of_plateau(data: Fitted, moved: Mapping[str, Signal]) -> dict[str, Si
 
 
 def is_within_law(moved: Mapping[str, Signal], name: str) -> bool:
-    """Whether a cause moves no channel by more than what the law of one other cause leaves open of what that moves.
+    """Whether a cause moves no channel by more than what the law of one other cause leaves open of
+    what that moves.
 
     >>> moved = {"large": np.array([0.1, 0.0]), "small": np.array([0.001, 0.0]), "aside": np.array([0.001, 0.001])}
     >>> [is_within_law(moved, name) for name in moved]
@@ -102,10 +125,11 @@ def is_within_law(moved: Mapping[str, Signal], name: str) -> bool:
 
 
 def without_imitators(data: Fitted, found: Found) -> Found:
-    """A search whose best set has no cause without which the others close the gap as well, and which differs from run to run
-    or moves no more than what the law of another leaves open.
+    """A search whose best set has no cause without which the others close the gap as well, and
+    which differs from run to run or moves no more than what the law of another leaves open.
 
-    Its law is not the one that acts; it takes up what the laws of the others, or the model, have in another form.
+    Its law is not the one that acts; it takes up what the laws of the others, or the model, have in
+    another form.
     """
     best, suspects = found.best, found.problem.suspects
     if len(best.names) < 2:

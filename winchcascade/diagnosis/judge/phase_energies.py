@@ -1,15 +1,17 @@
-"""Signed energies by run, phase and stage: measured, by the model before and after, and how well their difference is known.
+"""Signed energies by run, phase and stage: measured, by the model before and after, and how well
+their difference is known.
 
-The difference of an energy from that of the fit is linear in the noise of the blocks e, the parameters of the fit and the
-discrepancy d of the model, which the fit knows as theta = S A' z. Of blocks that take part in the fit, with weights a of the
-energy, b its derivative over the parameters without the discrepancy, and c that over the discrepancy of unit variance, it has
-the variance
+The difference of an energy from that of the fit is linear in the noise of the blocks e, the
+parameters of the fit and the discrepancy d of the model, which the fit knows as theta = S A' z. Of
+blocks that take part in the fit, with weights a of the energy, b its derivative over the parameters
+without the discrepancy, and c that over the discrepancy of unit variance, it has the variance
 
     u^2 = a' N a + c' c - b' S b,
 
-as far as the fit follows the data; what does not take part adds 2 g' S b, with g its own derivative over all parameters.
-The discrepancy has the size that the fit finds, as most rigs have less than what is allowed of any. That of Vdc is that of Idc,
-as a load ties them. Of a power that is next to nothing the product of the zeros of both counts, too.
+as far as the fit follows the data; what does not take part adds 2 g' S b, with g its own derivative
+over all parameters. The discrepancy has the size that the fit finds, as most rigs have less than
+what is allowed of any. That of Vdc is that of Idc, as a load ties them. Of a power that is next to
+nothing the product of the zeros of both counts, too.
 """
 
 from __future__ import annotations
@@ -42,18 +44,23 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.fit.suspects import Suspects
 
 FACTORS = {"line": ("force", "velocity"), "mech": ("torque", "velocity"), "gen": ("vdc", "idc")}
-"""Channels whose product is the power of each stage; the speed of the drum is that of the line over its radius."""
+"""Channels whose product is the power of each stage; the speed of the drum is that of the line
+over its radius.
+"""
 
 IN_A_ROW = (1.0 + RHO) / (1.0 - RHO)
-"""Variance of a sum over many blocks, the errors of which follow one another, over that of independent ones. [1]"""
+"""Variance of a sum over many blocks, the errors of which follow one another, over that of
+independent ones. [1]
+"""
 
 
 class Known(NamedTuple):
     """What a fit leaves open of a campaign, about its best place.
 
-    `moved` (M, 5, p) is what one unit of each of p parameters moves that is simulated, `covariance` (p + q, p + q) that of
-    these and of the q nuisances that are not. `sd` (n,) are standard deviations of all nuisances, in units of their
-    tolerances, and `scale` is the square by which the noise exceeds its estimate.
+    `moved` (M, 5, p) is what one unit of each of p parameters moves that is simulated, `covariance`
+    (p + q, p + q) that of these and of the q nuisances that are not. `sd` (n,) are standard
+    deviations of all nuisances, in units of their tolerances, and `scale` is the square by which
+    the noise exceeds its estimate.
     """
 
     moved: Signal
@@ -72,7 +79,9 @@ def energies_of(data: Fitted, suspects: Suspects, fit: Fit) -> tuple[StageEnergy
         log = data.logs[k]
         given = log.at_stamps(models[0][k], np.zeros_like(skew), zeros[k])
         fitted = [log.at_stamps(model[k], skew, zeros[k]) for model in models[1:]]
-        return [one for stage in FACTORS for one in _of_stage(data, known, k, stage, (given, *fitted))]
+        return [
+            one for stage in FACTORS for one in _of_stage(data, known, k, stage, (given, *fitted))
+        ]
 
     several = all_at_once([partial(of_run, k) for k in range(len(data.logs))], data.sizes)
     return tuple(one for own in several for one in own)
@@ -87,7 +96,9 @@ def _known(data: Fitted, suspects: Suspects, fit: Fit) -> Known:
         for name in fit.names
         for moved, step in varied(suspects[name], fit.x[fit.place[name]], STEP)
     ]
-    of_fields = [(one, step) for (one, step), inside in zip(steps, inside_of(fit), strict=True) if inside]
+    of_fields = [
+        (one, step) for (one, step), inside in zip(steps, inside_of(fit), strict=True) if inside
+    ]
     by_nuisance, by_field = data.tolerances(fit.nu, effects), np.zeros((*at.shape, len(of_fields)))
     for k, (one, step) in enumerate(of_fields):
         by_field[:, :, k] = (data.predict(fit.nu, [*one.values()]) - at) / step
@@ -98,14 +109,19 @@ def _known(data: Fitted, suspects: Suspects, fit: Fit) -> Known:
     told = 1.0 - np.diag(np.linalg.inv(information + np.diag(prior)))[first:]
     prior[first:] /= _of_the_model(data, fit.nu, told)
     return Known(
-        moved, np.linalg.inv(information + np.diag(prior)).astype(np.float64), prior[first:] ** -0.5, fit.scale
+        moved,
+        np.linalg.inv(information + np.diag(prior)).astype(np.float64),
+        prior[first:] ** -0.5,
+        fit.scale,
     )
 
 
 def _of_the_model(data: Fitted, nu: Signal, told: Signal) -> Signal:
-    """Variance of each nuisance over the one that is allowed, (n,): of the discrepancy of the model as the fit finds it.
+    """Variance of each nuisance over the one that is allowed, (n,): of the discrepancy of the model
+    as the fit finds it.
 
-    It is the mean square over one channel in one phase, with one that is as large as is allowed; no more than that.
+    It is the mean square over one channel in one phase, with one that is as large as is allowed; no
+    more than that.
 
     Parameters
     ----------
@@ -117,17 +133,21 @@ def _of_the_model(data: Fitted, nu: Signal, told: Signal) -> Signal:
         if n.kind == "discrepancy":
             cells.setdefault((n.name, n.phase), []).append(j)
     for own in cells.values():
-        found[own] = min((float(np.sum(nu[own] ** 2)) + 1.0) / (float(np.sum(told[own])) + 1.0), 1.0)
+        found[own] = min(
+            (float(np.sum(nu[own] ** 2)) + 1.0) / (float(np.sum(told[own])) + 1.0), 1.0
+        )
     return found
 
 
-def _of_stage(data: Fitted, known: Known, k: int, stage: str, models: tuple[Signal, ...]) -> list[StageEnergy]:
+def _of_stage(
+    data: Fitted, known: Known, k: int, stage: str, models: tuple[Signal, ...]
+) -> list[StageEnergy]:
     """Energies of one stage of one run by phase.
 
     Parameters
     ----------
-    models : (n, 5) channels of the run each, by the model of the rig file, by that of the fit without its effects and with
-        them, SI units
+    models : (n, 5) channels of the run each, by the model of the rig file, by that of the fit
+        without its effects and with them, SI units
     """
     log, (name, other) = data.logs[k], FACTORS[stage]
     run, blocks, column = log.run, log.course.blocks, CHANNELS.index(name)
@@ -136,7 +156,9 @@ def _of_stage(data: Fitted, known: Known, k: int, stage: str, models: tuple[Sign
     factor = run.channels[other] / (data.nominal.r_motion if stage == "mech" else 1.0)
     seconds = blocks.count / run.fs
     powers = [run.channels[name] * factor]
-    powers += [x[:, column] * (x[:, CHANNELS.index(other)] if stage == "gen" else factor) for x in models]
+    powers += [
+        x[:, column] * (x[:, CHANNELS.index(other)] if stage == "gen" else factor) for x in models
+    ]
     joule = np.array([blocks.mean(power) * seconds for power in powers])
     weights = np.zeros((blocks.size, len(CHANNELS)))
     weights[:, column] = blocks.mean(factor) * seconds
@@ -152,7 +174,11 @@ def _of_stage(data: Fitted, known: Known, k: int, stage: str, models: tuple[Sign
         variance = _variance(data, known, k, phase, np.where(here[:, None], weights, 0.0))
         both = math.prod(zeros) * float(seconds[here].sum()) if stage == "gen" else 0.0
         u = math.hypot(math.sqrt(variance), both, LAW * (fitted - without))
-        found.append(StageEnergy(k, phase, stage, measured, given, fitted, u, int(np.unique(blocks.cycle[here]).size)))
+        found.append(
+            StageEnergy(
+                k, phase, stage, measured, given, fitted, u, int(np.unique(blocks.cycle[here]).size)
+            )
+        )
     return found
 
 
@@ -167,9 +193,14 @@ def _variance(data: Fitted, known: Known, k: int, phase: str, weights: Signal) -
     taking = data.seen[rows] & (k not in data.withheld)
     noise = known.scale * IN_A_ROW * _squared(log, weights)
     for name in WITHOUT_ZERO:
-        noise += (sensor_errors(data.rig.sensors.get(name))[1] * float(weights[:, CHANNELS.index(name)].sum())) ** 2
+        noise += (
+            sensor_errors(data.rig.sensors.get(name))[1]
+            * float(weights[:, CHANNELS.index(name)].sum())
+        ) ** 2
     inside, outside = (
-        np.concatenate([np.tensordot(part, known.moved[rows], axes=2), [*_local(data, k, phase, part)]])
+        np.concatenate(
+            [np.tensordot(part, known.moved[rows], axes=2), [*_local(data, k, phase, part)]]
+        )
         for part in (np.where(taking, weights, 0.0), np.where(taking, 0.0, weights))
     )
     both, by_course = inside + outside, dict[tuple[bool, str], float]()
@@ -184,13 +215,17 @@ def _variance(data: Fitted, known: Known, k: int, phase: str, weights: Signal) -
 
 
 def _squared(log: Log, weights: Signal) -> float:
-    """Variance of a sum over blocks by their noise, of each channel alone and of the velocity that they share."""
+    """Variance of a sum over blocks by their noise, of each channel alone and of the velocity
+    that they share.
+    """
     own, shared = log.noise.own_total * weights, np.sum(log.noise.drive * weights, axis=1)
     return float(np.sum(own**2) + np.sum(shared**2))
 
 
 def _local(data: Fitted, k: int, phase: str, weights: Signal) -> Iterator[float]:
-    """What one unit of each nuisance that is not simulated adds to an energy of one phase of a log, each in turn."""
+    """What one unit of each nuisance that is not simulated adds to an energy of one phase of a
+    log, each in turn.
+    """
     log = data.logs[k]
     by_zero = weights.sum(axis=0)
     by_course = np.einsum("mk,mkc->kc", weights, log.courses)
@@ -199,4 +234,8 @@ def _local(data: Fitted, k: int, phase: str, weights: Signal) -> Iterator[float]
         if n.kind == LOCAL[0]:
             yield n.sd * float(by_zero[channel]) * (n.log == k)
         else:
-            yield n.sd * float(by_course[channel, COURSES.index(n.course)]) * (n.phase == phase and of_load)
+            yield (
+                n.sd
+                * float(by_course[channel, COURSES.index(n.course)])
+                * (n.phase == phase and of_load)
+            )

@@ -1,4 +1,6 @@
-"""Which causes matter: what each changes, in what the rig file calls relevant, and effects that only hint."""
+"""Which causes matter: what each changes, in what the rig file calls relevant, and effects that
+only hint.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ def minor_of(
     changes: Mapping[str, Sequence[LargestChange]],
     moved: Mapping[str, Signal],
 ) -> tuple[Minor, ...]:
-    """Causes that change nothing by as much as the rig file calls relevant, each with its largest change.
+    """Causes that change nothing by as much as the rig file calls relevant, each with its largest
+    change.
 
     Parameters
     ----------
@@ -46,7 +49,9 @@ def minor_of(
 def largest_change(
     data: Fitted, efficiencies: Sequence[LargestChange], moved: Signal
 ) -> tuple[float, LargestChange | None]:
-    """The largest change that an effect makes, and its size in what the rig file calls relevant. [1]"""
+    """The largest change that an effect makes, and its size in what the rig file calls relevant.
+    [1]
+    """
     accuracy = data.rig.model
     changes = [
         (abs(change.change) / max(limit, 1e-12), change)
@@ -60,8 +65,8 @@ def largest_change(
 
 
 def _changes_of_channels(data: Fitted, moved: Signal) -> list[LargestChange]:
-    """What a cause that moves blocks, (M, 5), changes of the mean of each channel in each phase of each log, as a share of its
-    plateau. [1]
+    """What a cause that moves blocks, (M, 5), changes of the mean of each channel in each phase of
+    each log, as a share of its plateau. [1]
     """
     level = np.concatenate([log.courses[:, :, 0] for log in data.logs])
     return [

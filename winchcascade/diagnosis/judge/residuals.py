@@ -1,4 +1,6 @@
-"""Whether the residual of a fit is more than noise: its size, its scatter within blocks and from block to block."""
+"""Whether the residual of a fit is more than noise: its size, its scatter within blocks and from
+block to block.
+"""
 
 from __future__ import annotations
 
@@ -36,16 +38,19 @@ def block_rms(data: Fitted, z: Signal) -> dict[tuple[str, str], float]:
 
 
 FINER = 0.5
-"""Part of the usual width over which the velocity is smoothed where its fast motion is sought. [1]"""
+"""Part of the usual width over which the velocity is smoothed where its fast motion is sought.
+[1]
+"""
 
 
 def scatter(data: Fitted, suspects: Suspects, fit: Fit) -> dict[str, float]:
-    """Scatter within blocks of payout over that of noise of sensors and velocity and of the model, the worst log, by channel.
+    """Scatter within blocks of payout over that of noise of sensors and velocity and of the model,
+    the worst log, by channel.
 
-    What noise and fast motion of the line move, which the smoothed velocity lacks, is the change of the simulation where the
-    velocity is smoothed over `FINER` of the width. The force is left out: its tether rings. This shows a ripple that the means
-    of blocks do not contain. Fast motion moves a channel by as much at any load: the model's part is that of the log with the
-    highest level.
+    What noise and fast motion of the line move, which the smoothed velocity lacks, is the change of
+    the simulation where the velocity is smoothed over `FINER` of the width. The force is left out:
+    its tether rings. This shows a ripple that the means of blocks do not contain. Fast motion moves
+    a channel by as much at any load: the model's part is that of the log with the highest level.
     """
     models, skew = data.models(fit.nu, fit.effects(suspects)), data.skew(fit.nu)
     share = data.rig.model.discrepancy
@@ -76,10 +81,11 @@ def scatter(data: Fitted, suspects: Suspects, fit: Fit) -> dict[str, float]:
 
 
 def unsteadiness(data: Fitted, suspects: Suspects, fit: Fit) -> dict[tuple[str, str], float]:
-    """Scatter of blocks about a smooth course over that of noise, the median of the logs, by channel and phase.
+    """Scatter of blocks about a smooth course over that of noise, the median of the logs, by
+    channel and phase.
 
-    The noise in the fit contains all scatter from block to block, so that no z shows it. The tether moves the force also at
-    rest: its scatter there counts as noise.
+    The noise in the fit contains all scatter from block to block, so that no z shows it. The tether
+    moves the force also at rest: its scatter there counts as noise.
     """
     residual = data.measured - data.predict(fit.nu, fit.effects(suspects))
     each = (log for log in enumerate(data.logs) if log[0] not in data.withheld)
@@ -102,6 +108,8 @@ FORCE = CHANNELS.index("force")
 
 
 def _at_rest(log: Log) -> float:
-    """Scatter of the force from block to block while the line rests, NaN where there are too few blocks. [N]"""
+    """Scatter of the force from block to block while the line rests, NaN where there are too few
+    blocks. [N]
+    """
     blocks = log.course.blocks
     return scatter_about_course(blocks, log.measured[:, FORCE], blocks.phase == HOLD, MIN_BLOCKS)

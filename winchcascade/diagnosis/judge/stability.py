@@ -1,7 +1,9 @@
-"""Stability of each cause: its number in every run, and whether this drifts over the runs or depends on the load.
+"""Stability of each cause: its number in every run, and whether this drifts over the runs or
+depends on the load.
 
-The objective is expanded about the joint fit, and every run gets a strength of the cause of its own. The other causes and the
-nuisances are common to the runs: what a common nuisance can explain is no scatter of the runs.
+The objective is expanded about the joint fit, and every run gets a strength of the cause of its
+own. The other causes and the nuisances are common to the runs: what a common nuisance can explain
+is no scatter of the runs.
 """
 
 from __future__ import annotations
@@ -36,13 +38,19 @@ TRIED = 3
 """What is tried of each cause: a trend with the order, one with the load, a scatter."""
 
 NO_PART = 1e-9
-"""Information of a run on a cause, as a share of that of all runs, below which the run does not depend on it."""
+"""Information of a run on a cause, as a share of that of all runs, below which the run does not
+depend on it.
+"""
 
 
-def with_stability(data: Fitted, found: Found, causes: Sequence[NamedCause]) -> tuple[NamedCause, ...]:
+def with_stability(
+    data: Fitted, found: Found, causes: Sequence[NamedCause]
+) -> tuple[NamedCause, ...]:
     """The causes of the best fit with their numbers run by run."""
     several = stabilities(data, found)
-    return tuple(msgspec.structs.replace(cause, stability=several[cause.effect]) for cause in causes)
+    return tuple(
+        msgspec.structs.replace(cause, stability=several[cause.effect]) for cause in causes
+    )
 
 
 def stabilities(data: Fitted, found: Found) -> dict[str, Stability]:
@@ -51,7 +59,9 @@ def stabilities(data: Fitted, found: Found) -> dict[str, Stability]:
     for name in fit.names:
         effect, own = found.problem.suspects[name], fit.place[name]
         free = freedom(effect)
-        ends = [with_values(effect, x).reported for x in (free.absent, fit.x[own], free.low, free.high)]
+        ends = [
+            with_values(effect, x).reported for x in (free.absent, fit.x[own], free.low, free.high)
+        ]
         size = ends[1] - ends[0]
         if size == 0.0:  # it acts by its other fields alone: no run determines the reported number
             several[name] = Stability(
@@ -59,13 +69,16 @@ def stabilities(data: Fitted, found: Found) -> dict[str, Stability]:
             )
             continue
         runs, share, covariance = strengths(data, found, name)
-        stability = _stability(data, runs, share, covariance, abs((ends[3] - ends[2]) / size), len(fit.names))
+        stability = _stability(
+            data, runs, share, covariance, abs((ends[3] - ends[2]) / size), len(fit.names)
+        )
         several[name] = _in_unit(stability, ends[0], size)
     return several
 
 
 def strengths(data: Fitted, found: Found, name: str) -> tuple[NDArray[np.intp], Signal, Signal]:
-    """Strength of one cause in each run, as shares of that in the best fit; other causes and nuisances are common to all runs.
+    """Strength of one cause in each run, as shares of that in the best fit; other causes and
+    nuisances are common to all runs.
 
     Returns
     -------
@@ -82,7 +95,10 @@ def strengths(data: Fitted, found: Found, name: str) -> tuple[NDArray[np.intp], 
     others = inside_of(fit)
     others[own] = False
     both = np.hstack([found.marginal(parts), columns[:, others]])
-    weighted, prior = both * weights(fit.r)[:, None], np.concatenate((np.zeros(runs.size), fit.free.sd[others] ** -2.0))
+    weighted, prior = (
+        both * weights(fit.r)[:, None],
+        np.concatenate((np.zeros(runs.size), fit.free.sd[others] ** -2.0)),
+    )
     pulled = np.concatenate((np.zeros(runs.size), (fit.x - fit.free.absent)[others]))
     information = weighted.T @ both / found.scale + np.diag(prior)
     covariance = np.linalg.pinv(information, hermitian=True).astype(np.float64)
@@ -98,7 +114,12 @@ def _rows(blocks: slice) -> slice:
 
 
 def _stability(
-    data: Fitted, runs: NDArray[np.intp], share: Signal, covariance: Signal, span: float, causes: int
+    data: Fitted,
+    runs: NDArray[np.intp],
+    share: Signal,
+    covariance: Signal,
+    span: float,
+    causes: int,
 ) -> Stability:
     """Stability of one cause, as shares of its strength in the joint fit.
 
@@ -115,35 +136,57 @@ def _stability(
     loads = np.array([log.load for log in data.logs])[runs]
     spread = covariance + LAW**2 * (loads[:, None] == loads)
     rulers = _rulers(np.array(data.order.begins)[runs[resolved]], loads[resolved])
-    trends, _ = trends_of(share[resolved], spread[np.ix_(resolved, resolved)], rulers, CHANCE / (TRIED * causes))
-    numbers = zip(runs[resolved].tolist(), share[resolved].tolist(), half[resolved].tolist(), strict=True)
+    trends, _ = trends_of(
+        share[resolved], spread[np.ix_(resolved, resolved)], rulers, CHANCE / (TRIED * causes)
+    )
+    numbers = zip(
+        runs[resolved].tolist(), share[resolved].tolist(), half[resolved].tolist(), strict=True
+    )
     values = {run: RunValue(run, x, x - u, x + u) for run, x, u in numbers}
-    every = (values.get(k) or RunValue(k, withheld=k in data.withheld) for k in range(len(data.rows)))
+    every = (
+        values.get(k) or RunValue(k, withheld=k in data.withheld) for k in range(len(data.rows))
+    )
     return Stability(tuple(every), tuple(trends))
 
 
 def _in_unit(stability: Stability, absent: float, size: float) -> Stability:
-    """Stability in the unit in which a cause is reported, of shares of a strength that moves it by `size` from `absent`."""
+    """Stability in the unit in which a cause is reported, of shares of a strength that moves it
+    by `size` from `absent`.
+    """
     runs = []
     for one in stability.runs:
         low, high = sorted((absent + size * one.low, absent + size * one.high))
-        runs.append(msgspec.structs.replace(one, value=absent + size * one.value, low=low, high=high))
-    trends = (msgspec.structs.replace(t, change=size * t.change, u=abs(size) * t.u) for t in stability.trends)
+        runs.append(
+            msgspec.structs.replace(one, value=absent + size * one.value, low=low, high=high)
+        )
+    trends = (
+        msgspec.structs.replace(t, change=size * t.change, u=abs(size) * t.u)
+        for t in stability.trends
+    )
     return Stability(tuple(runs), tuple(trends))
 
 
-# ------------------------------------------------------------------------------------------------------------ trends
+# ----------------------------------------------------------------------------------------- trends
 def _rulers(order: Signal, loads: Signal) -> Rulers:
-    """Order of some runs and conductance of their loads, (r,) each from 0 to 1, where these differ."""
+    """Order of some runs and conductance of their loads, (r,) each from 0 to 1, where these
+    differ.
+    """
     rulers: Rulers = {"order": order, "load": 1.0 / loads}
-    return {along: (x - x.min()) / np.ptp(x) for along, x in rulers.items() if x.size and np.ptp(x) > 0.0}
+    return {
+        along: (x - x.min()) / np.ptp(x)
+        for along, x in rulers.items()
+        if x.size and np.ptp(x) > 0.0
+    }
 
 
-def trends_of(x: Signal, covariance: Signal, rulers: Rulers, limit: float = CHANCE) -> tuple[list[Trend], Signal]:
-    """What differs between numbers of several runs beyond their uncertainty, by generalised least squares (Aitken 1936).
+def trends_of(
+    x: Signal, covariance: Signal, rulers: Rulers, limit: float = CHANCE
+) -> tuple[list[Trend], Signal]:
+    """What differs between numbers of several runs beyond their uncertainty, by generalised least
+    squares (Aitken 1936).
 
-    A straight line over each ruler is tried alone, and where several pass, all together. Where none passes, the scatter of the
-    numbers about their mean is compared with a chi-square distribution.
+    A straight line over each ruler is tried alone, and where several pass, all together. Where none
+    passes, the scatter of the numbers about their mean is compared with a chi-square distribution.
 
     Parameters
     ----------
@@ -159,12 +202,18 @@ def trends_of(x: Signal, covariance: Signal, rulers: Rulers, limit: float = CHAN
 
     if x.size < MIN_RUNS:
         return [], np.ones(x.size)
-    alone = {along: _slopes(x, covariance, {along: ruler})[0][along] for along, ruler in rulers.items()}
-    passing = sorted((along for along in alone if alone[along].chance < limit), key=lambda a: alone[a].chance)
+    alone = {
+        along: _slopes(x, covariance, {along: ruler})[0][along] for along, ruler in rulers.items()
+    }
+    passing = sorted(
+        (along for along in alone if alone[along].chance < limit), key=lambda a: alone[a].chance
+    )
     if not passing:
         course = _slopes(x, covariance, {})[1]
         chance = float(chdtrc(x.size - 1, (x - course) @ np.linalg.solve(covariance, x - course)))
-        return [Trend("scatter", float(np.ptp(x)), math.nan, chance)] if chance < limit else [], course
+        return [
+            Trend("scatter", float(np.ptp(x)), math.nan, chance)
+        ] if chance < limit else [], course
     first, *others = passing
     together = _slopes(x, covariance, rulers)[0] if others and x.size > MIN_RUNS else {}
     clear: list[Along] = [along for along in together if together[along].chance < limit]
@@ -177,13 +226,17 @@ def trends_of(x: Signal, covariance: Signal, rulers: Rulers, limit: float = CHAN
 
 
 def _slopes(x: Signal, covariance: Signal, rulers: Rulers) -> tuple[dict[Along, Trend], Signal]:
-    """Change of x over the length of each ruler, fitted together with one level, and x by that fit, (r,)."""
+    """Change of x over the length of each ruler, fitted together with one level, and x by that
+    fit, (r,).
+    """
     columns = np.column_stack([np.ones(x.size), *rulers.values()])
     weighted = np.linalg.solve(covariance, columns)
     spread = np.linalg.pinv(columns.T @ weighted, hermitian=True)
     fitted, u = spread @ (weighted.T @ x), np.sqrt(np.maximum(np.diag(spread), 1e-300))
     trends = {
-        along: Trend(along, float(change), float(sd), math.erfc(abs(change) / (math.sqrt(2.0) * sd)))
+        along: Trend(
+            along, float(change), float(sd), math.erfc(abs(change) / (math.sqrt(2.0) * sd))
+        )
         for along, change, sd in zip(rulers, fitted[1:], u[1:], strict=True)
     }
     return trends, columns @ fitted

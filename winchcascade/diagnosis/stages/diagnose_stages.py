@@ -66,7 +66,9 @@ class StageClosure(GapClosure, frozen=True):
     def beyond_noise(self) -> float:
         """Share that is closed of what exceeds the noise of the powers. [1]"""
         powers = self.channels.values()
-        before, after, noise = (sum(getattr(one, of) ** 2 for one in powers) for of in ("before", "after", "noise"))
+        before, after, noise = (
+            sum(getattr(one, of) ** 2 for one in powers) for of in ("before", "after", "noise")
+        )
         return 1.0 - max(after - noise, 0.0) / (before - noise) if before > noise else 0.0
 
 
@@ -123,7 +125,9 @@ def diagnose_stages(
     places, experiment = _places(data), plan(fit, causes)
     no_gap = verdict == "no_gap"
     if verdict == "partly_explained":  # what else acts, a cause may imitate
-        causes, candidates, fitted = (tuple(map(_doubted, several)) for several in (causes, candidates, fitted))
+        causes, candidates, fitted = (
+            tuple(map(_doubted, several)) for several in (causes, candidates, fitted)
+        )
     causes, candidates = ((), ()) if verdict == "unexplained" else (causes, candidates)
     largest = max(places, key=lambda place: place.share)
     return StageDiagnosis(
@@ -155,7 +159,10 @@ def _doubted(cause: NamedCause) -> NamedCause:
 
 
 def _verdict(
-    closure: StageClosure, remainder: Remainder, causes: Sequence[NamedCause], candidates: Sequence[NamedCause]
+    closure: StageClosure,
+    remainder: Remainder,
+    causes: Sequence[NamedCause],
+    candidates: Sequence[NamedCause],
 ) -> Verdict:
     """Explained when no alarm and no candidate remains and at least `MOSTLY` of what exceeds noise
     is closed.
@@ -170,7 +177,7 @@ def _verdict(
     return "partly_explained" if closure.share >= HALF or not remainder.alarms else "unexplained"
 
 
-# --------------------------------------------------------------------------------------------- where, and how far it closes
+# ------------------------------------------------------------------- where, and how far it closes
 def _kinds(rows: StageRows) -> Iterator[tuple[int, int, Index]]:
     """Path and phase of which there are rows, and these rows."""
     for kind in np.unique(rows.kind).tolist():
@@ -186,10 +193,14 @@ def _places(data: StageData) -> tuple[Place, ...]:
             continue
         noise = _noise(own, own.gap)
         noise = noise if math.isfinite(noise) else float(np.std(own.gap))
-        by = weigh(own.gap, own.blocks.cycle, np.full(own.t.size, noise), 0.0, np.zeros((own.t.size, 1)))
+        by = weigh(
+            own.gap, own.blocks.cycle, np.full(own.t.size, noise), 0.0, np.zeros((own.t.size, 1))
+        )
         place = data.paths[path]
         named = {"channel": place.channel, "phase": PARTS_OF_RUN[phase], "stage": place.place}
-        found.append(msgspec.structs.replace(by, **named, share=float(np.sum(own.gap**2)) / squares))
+        found.append(
+            msgspec.structs.replace(by, **named, share=float(np.sum(own.gap**2)) / squares)
+        )
     return tuple(found)
 
 
@@ -219,7 +230,9 @@ def _closure(fit: StageFit, seed: int) -> StageClosure:
             for p, _, own in _kinds(rows)
             if p == number
         ]
-        before, left = (float(np.sqrt(np.mean(x[here] ** 2))) if here.any() else 0.0 for x in (rows.gap, after))
+        before, left = (
+            float(np.sqrt(np.mean(x[here] ** 2))) if here.any() else 0.0 for x in (rows.gap, after)
+        )
         channels[path.channel] = Shrunk(before, left, math.sqrt(float(np.nansum(noise))))
     return StageClosure(channels, share, min(low, share), max(high, share), rows=rows, after=after)
 
@@ -231,11 +244,16 @@ def _remainder(fit: StageFit, closure: StageClosure, energies: tuple[Alarm, ...]
     data, rows, after, alarms = fit.data, closure.rows, closure.after, list(energies)
     noisiest: dict[float, Spot] = {}
     for path, phase, here in _kinds(rows):
-        spot, squares = Spot(data.paths[path].channel, PARTS_OF_RUN[phase]), float(np.sum(after[here] ** 2))
+        spot, squares = (
+            Spot(data.paths[path].channel, PARTS_OF_RUN[phase]),
+            float(np.sum(after[here] ** 2)),
+        )
         noisiest[squares] = spot
         noise = _noise(rows.some(here), after[here])
         ratio = math.sqrt(squares / here.size) / noise if noise > 0.0 else 0.0
-        if ratio > ROUGH and squares - here.size * noise**2 > PART_OF_GAP * float(np.sum(rows.gap**2)):
+        if ratio > ROUGH and squares - here.size * noise**2 > PART_OF_GAP * float(
+            np.sum(rows.gap**2)
+        ):
             alarms.append(Alarm("structure", spot, ratio, ROUGH))
     return Remainder(
         share=max(1.0 - closure.share, 0.0),
@@ -244,7 +262,7 @@ def _remainder(fit: StageFit, closure: StageClosure, energies: tuple[Alarm, ...]
     )
 
 
-# ---------------------------------------------------------------------------------------------------------------- energies
+# --------------------------------------------------------------------------------------- energies
 def _energies(fit: StageFit, after: Signal) -> tuple[tuple[StageEnergy, ...], tuple[Alarm, ...]]:
     """Energies of the judged cycles by path and phase, and an alarm for each whose energies the
     causes do not explain.
@@ -256,7 +274,9 @@ def _energies(fit: StageFit, after: Signal) -> tuple[tuple[StageEnergy, ...], tu
     from scipy.special import chdtrc
 
     data, rows, kinds = fit.data, fit.data.judged, len(fit.data.paths) * len(PARTS_OF_RUN)
-    code, row, place = np.unique(rows.blocks.cycle * kinds + rows.kind, return_index=True, return_inverse=True)
+    code, row, place = np.unique(
+        rows.blocks.cycle * kinds + rows.kind, return_index=True, return_inverse=True
+    )
     kind = code % kinds
 
     def energy(power: Signal) -> Signal:
@@ -273,13 +293,18 @@ def _energies(fit: StageFit, after: Signal) -> tuple[tuple[StageEnergy, ...], tu
     of_numbers = columns @ spread @ columns.T
     # a sum of n rows has n times the variance of a mean
     scale = float(np.median(rows.width)) * energy(np.ones(rows.t.size))
-    within, between = (np.diag(scale * variance[kind, -1]) for variance in (fit.noise.within, fit.noise.variance))
+    within, between = (
+        np.diag(scale * variance[kind, -1]) for variance in (fit.noise.within, fit.noise.variance)
+    )
     alarms = []
     for one in np.unique(kind).tolist():
         here, spot = np.flatnonzero(kind == one), Spot(*_named(data, one))
         if one % len(PARTS_OF_RUN) == HOLD:
             continue
-        for sums, noise in ((np.eye(here.size), within), (np.ones((1, here.size)), between)):  # each cycle, then all
+        for sums, noise in (
+            (np.eye(here.size), within),
+            (np.ones((1, here.size)), between),
+        ):  # each cycle, then all
             left, ruler = sums @ residual[here], sums @ measured[here]
             allowed = sums @ (noise + of_numbers)[np.ix_(here, here)] @ sums.T
             size_left = float(np.linalg.norm(left)) / max(float(np.linalg.norm(ruler)), 1e-300)

@@ -59,12 +59,18 @@ TRIED = (0.5, 1.0, 1.5)
 def stage_causes(fit: StageFit) -> tuple[NamedCause, ...]:
     """Every suspect of the best set with its numbers, the one that closes most first."""
     found, suspects = fit.found, fit.data.suspects
-    posterior, gap = posterior_of(found, found.best), max(float(np.sum(fit.data.judged.gap**2)), 1e-300)
+    posterior, gap = (
+        posterior_of(found, found.best),
+        max(float(np.sum(fit.data.judged.gap**2)), 1e-300),
+    )
     several = _stabilities(fit) if found.best.names else {}
     closed, causes = 1.0 - float(np.sum(fit.residual(found.best) ** 2)) / gap, []
     for name in found.best.names:
         without = found.fit(tuple(n for n in found.best.names if n != name))
-        ablation, alike = 1.0 - float(np.sum(fit.residual(without) ** 2)) / gap, _look_alikes(fit, name)
+        ablation, alike = (
+            1.0 - float(np.sum(fit.residual(without) ** 2)) / gap,
+            _look_alikes(fit, name),
+        )
         stability, numbers = several[name], parameters_of(posterior, suspects[name], name)
         doubtful = stability.trends or any(number.beyond_range for number in numbers.values())
         most = OPEN if doubtful else AMBIGUOUS if alike else 1.0
@@ -101,9 +107,9 @@ def is_steady(cause: NamedCause) -> bool:
     """Whether the number of a cause is plausible, and about the same in every cycle."""
     number = next(iter(cause.parameters.values()))
     changes = [abs(trend.change) for trend in (cause.stability.trends if cause.stability else ())]
-    return not (number.beyond_range or number.at_limit) and max(changes, default=0.0) <= UNSTEADY_SHARE * abs(
-        number.value
-    )
+    return not (number.beyond_range or number.at_limit) and max(
+        changes, default=0.0
+    ) <= UNSTEADY_SHARE * abs(number.value)
 
 
 def _look_alikes(fit: StageFit, name: str) -> tuple[Alternative, ...]:
@@ -125,7 +131,10 @@ def _look_alikes(fit: StageFit, name: str) -> tuple[Alternative, ...]:
     for other in near:
         if found.fit(swaps[other]).loss - found.best.loss <= AS_GOOD * found.scale:
             best.setdefault(other, swaps[other])
-    return tuple(Alternative(other, share_with(fit, other), _difference(fit, names)) for other, names in best.items())
+    return tuple(
+        Alternative(other, share_with(fit, other), _difference(fit, names))
+        for other, names in best.items()
+    )
 
 
 def _difference(fit: StageFit, other: Names) -> Spot:
@@ -139,7 +148,7 @@ def _difference(fit: StageFit, other: Names) -> Spot:
     return Spot(fit.data.paths[path].channel, PARTS_OF_RUN[phase], bias=bias)
 
 
-# --------------------------------------------------------------------------------------------------------- cycle by cycle
+# --------------------------------------------------------------------------------- cycle by cycle
 def _stabilities(fit: StageFit) -> dict[str, Stability]:
     """The number of each cause from every cycle alone, the other numbers as the joint fit has them.
 
@@ -152,17 +161,25 @@ def _stabilities(fit: StageFit) -> dict[str, Stability]:
     rows, columns = noise.whitened(noise.within), fit.own(best)
     given = rows[:, -1] - rows[:, columns] @ best.x - rows[:, len(data.names) : -1] @ best.nu
     cycles = np.unique(data.rows.blocks.cycle)
-    cycle, own = noise.fold // -(-FOLDS // cycles.size), weights(given)  # the folds of a cycle together
+    cycle, own = (
+        noise.fold // -(-FOLDS // cycles.size),
+        weights(given),
+    )  # the folds of a cycle together
     found = {}
     for k, name in enumerate(best.names):
         column = rows[:, columns[k]]
         height = np.maximum(np.bincount(cycle, own * column**2, cycles.size), 1e-300)
         values = best.x[k] + np.bincount(cycle, own * column * given, cycles.size) / height
         u = np.hypot(height**-0.5, LAW * best.x[k])
-        known, whole = COVERED * u < 2.0 * best.free.sd[k], with_values(data.suspects[name], np.zeros(1)).reported
+        known, whole = (
+            COVERED * u < 2.0 * best.free.sd[k],
+            with_values(data.suspects[name], np.zeros(1)).reported,
+        )
         runs = [
             RunValue(row, whole + x, whole + x - half, whole + x + half) if good else RunValue(row)
-            for row, (x, half, good) in enumerate(zip(values.tolist(), (COVERED * u).tolist(), known, strict=True))
+            for row, (x, half, good) in enumerate(
+                zip(values.tolist(), (COVERED * u).tolist(), known, strict=True)
+            )
         ]
         order = np.flatnonzero(known)
         order = (order - order.min(initial=0)) / max(int(np.ptp(order)) if order.size else 1, 1)
@@ -171,7 +188,7 @@ def _stabilities(fit: StageFit) -> dict[str, Stability]:
     return found
 
 
-# ------------------------------------------------------------------------------------------------------------ the next run
+# ----------------------------------------------------------------------------------- the next run
 def plan(fit: StageFit, causes: tuple[NamedCause, ...]) -> Experiment | None:
     """Choose the speed and the load at which the causes and the set that comes nearest with one of
     them swapped differ most.
@@ -181,16 +198,24 @@ def plan(fit: StageFit, causes: tuple[NamedCause, ...]) -> Experiment | None:
     """
     chosen, data = fit.found.best.names, fit.data
     others = [name for name in data.names if name not in chosen]
-    swaps = [(swap(chosen, cause.effect, other), cause.effect, other) for cause in causes for other in others]
+    swaps = [
+        (swap(chosen, cause.effect, other), cause.effect, other)
+        for cause in causes
+        for other in others
+    ]
     if not swaps:
         return None
     swapped, name, other = max(swaps, key=lambda one: fit.found.expansion.rated(one[0]))
-    tried = {pair: _significance(fit, fit.found.fit(swapped), *pair) for pair in product(TRIED, TRIED)}
+    tried = {
+        pair: _significance(fit, fit.found.fit(swapped), *pair) for pair in product(TRIED, TRIED)
+    }
     motion, load = max(tried, key=lambda pair: tried[pair])
     rows = data.fitted.some(data.fitted.path == max(data.laws[name].path, 0))
     top, pull = (float(np.quantile(np.abs(x), TOP)) if x.size else math.nan for x in rows.axes.T)
     axes = data.axes[max(data.laws[name].path, 0)]
-    return Experiment("scaled", motion * top, (name, other), tried[motion, load], force=load * pull, axes=axes)
+    return Experiment(
+        "scaled", motion * top, (name, other), tried[motion, load], force=load * pull, axes=axes
+    )
 
 
 def _significance(fit: StageFit, other: Fit, motion: float, load: float) -> float:
@@ -207,7 +232,9 @@ def _significance(fit: StageFit, other: Fit, motion: float, load: float) -> floa
     j = planned[:, fit.own(other)]
     z = planned[:, fit.own(best)] @ best.x - j @ other.x
     pull, precision = j.T @ z, np.linalg.pinv(fit.covariance(other), hermitian=True)
-    return math.sqrt(max(float(z @ z - pull @ np.linalg.pinv(j.T @ j + precision, hermitian=True) @ pull), 0.0))
+    return math.sqrt(
+        max(float(z @ z - pull @ np.linalg.pinv(j.T @ j + precision, hermitian=True) @ pull), 0.0)
+    )
 
 
 def _factor(law: StageLaw, channel: str, motion: float, load: float) -> float:
@@ -220,5 +247,7 @@ def _factor(law: StageLaw, channel: str, motion: float, load: float) -> float:
         grows = MOTIONS.get(SIGNALS.get(channel, channel), 0)
         return load if grows else motion
     powers = {name: (2 if law.kind == "store" else power) for name, power in law.over.items()}
-    scales = {"power": motion * load} | {name: motion if grows else load for name, grows in MOTIONS.items()}
+    scales = {"power": motion * load} | {
+        name: motion if grows else load for name, grows in MOTIONS.items()
+    }
     return math.prod(scales[name] ** power for name, power in powers.items())

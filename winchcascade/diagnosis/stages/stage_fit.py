@@ -21,7 +21,14 @@ from scipy.sparse import csr_array
 from winchcascade.diagnosis.fit.evidence import Evidence, Fit, minimum_within
 from winchcascade.diagnosis.fit.fit_set import fit_set
 from winchcascade.diagnosis.fit.marginal import Columns, Marginal, Together, weights
-from winchcascade.diagnosis.fit.search import Centre, Expansion, Found, expand, marginal_about, neighbours
+from winchcascade.diagnosis.fit.search import (
+    Centre,
+    Expansion,
+    Found,
+    expand,
+    marginal_about,
+    neighbours,
+)
 from winchcascade.diagnosis.fit.suspects import freedom
 from winchcascade.diagnosis.judge.causes import posterior_of
 from winchcascade.diagnosis.stages.stage_rows import PARTS_OF_RUN
@@ -101,11 +108,17 @@ def noise_of(data: StageData, rows: StageRows) -> StageNoise:
     Errors of sensors of a power that comes out take no part: with those of the power that goes in
     they imitate any gap.
     """
-    paths, plain = len(data.paths), np.concatenate([data.plain, np.ones(rows.known.shape[1], dtype=bool)])
+    paths, plain = (
+        len(data.paths),
+        np.concatenate([data.plain, np.ones(rows.known.shape[1], dtype=bool)]),
+    )
     precision = np.where(np.arange(plain.size) < len(data.names), 0.0, 1.0)[plain]
     values, fold, kind, of_mean = _split(rows, paths)
     columns = values[:, :-1][:, plain]
-    floor = QUIET * np.bincount(rows.kind, rows.given**2 + rows.gap**2, paths * len(PARTS_OF_RUN)) + 1e-300
+    floor = (
+        QUIET * np.bincount(rows.kind, rows.given**2 + rows.gap**2, paths * len(PARTS_OF_RUN))
+        + 1e-300
+    )
     floor /= np.maximum(np.bincount(rows.kind, minlength=floor.size), 1)
     variance = np.tile(np.maximum(floor / QUIET, 1e-300)[:, None], 2)
     for _ in range(ROUNDS):
@@ -121,15 +134,20 @@ def noise_of(data: StageData, rows: StageRows) -> StageNoise:
         variance[:, 0] = np.maximum(squares[:, 0] / free, floor)
         means = (squares[:, 1] + FEW * variance[:, 0]) / (count[:, 1] + FEW)
         alone = squares[:, 1] / np.maximum(count[:, 1] - fitted[:, 1] - 2.0, 1.0)
-        means = np.where(count[:, 0] > 2.0 * count[:, 1], means, alone)  # of single rows none shows the noise within
+        means = np.where(
+            count[:, 0] > 2.0 * count[:, 1], means, alone
+        )  # of single rows none shows the noise within
         variance[:, 1] = np.maximum(means, variance[:, 0])
-    # no law is exact: what it misses of the gap lasts, and so counts in a mean as often as this has rows
+    # no law is exact: what it misses of the gap lasts, and so counts in a mean as often as this has
+    # rows
     missed = (
         LAW**2
         * np.bincount(rows.kind, rows.gap**2, floor.size)
         / np.maximum(np.bincount(rows.kind, minlength=floor.size), 1)
     )
-    folds = np.array([np.unique(fold[(kind == k) & (of_mean == 1)]).size for k in range(floor.size)])
+    folds = np.array(
+        [np.unique(fold[(kind == k) & (of_mean == 1)]).size for k in range(floor.size)]
+    )
     lasting = np.bincount(rows.kind, minlength=floor.size) / np.maximum(folds, 1)
     variance += missed[:, None] * np.column_stack([np.full(floor.size, float(TOGETHER)), lasting])
     return StageNoise(values, fold, kind, of_mean, variance)
@@ -149,9 +167,13 @@ def _split(rows: StageRows, paths: int) -> tuple[Signal, Index, Index, Index]:
     kinds = paths * len(PARTS_OF_RUN)
     stretch = folds_of(rows.blocks.cycle) * kinds + rows.kind
     order = np.argsort(stretch, kind="stable")
-    own, begin, place, size = np.unique(stretch[order], return_index=True, return_inverse=True, return_counts=True)
+    own, begin, place, size = np.unique(
+        stretch[order], return_index=True, return_inverse=True, return_counts=True
+    )
     rank = np.arange(order.size) - np.repeat(begin, size)
-    _, first, key = np.unique(place * order.size + rank // TOGETHER, return_index=True, return_inverse=True)
+    _, first, key = np.unique(
+        place * order.size + rank // TOGETHER, return_index=True, return_inverse=True
+    )
     count, owner = np.bincount(key).astype(np.float64)[:, None], place[first]
     total = summed(owner, count)
     about = []
@@ -199,7 +221,10 @@ class StageProblem(msgspec.Struct, frozen=True):
         return int(self.rows.shape[1]) - len(self.suspects) - 1
 
     def residuals(
-        self, several: Sequence[Sequence[ActiveEffect]], nu: Signal, _near: Sequence[ActiveEffect] | None = None
+        self,
+        several: Sequence[Sequence[ActiveEffect]],
+        nu: Signal,
+        _near: Sequence[ActiveEffect] | None = None,
     ) -> Signal:
         """Measured minus predicted coefficients of several sets of effects, (n, sets)."""
         names = list(self.suspects)
@@ -245,7 +270,12 @@ class StageFit(msgspec.Struct, frozen=True):
         Withheld ones by the fit as it is, others by that without their fold, which follows from the
         quadratic about the fit.
         """
-        rows, own, size, groups = self.data.judged, self.own(fit), fit.x.size, self.found.problem.groups
+        rows, own, size, groups = (
+            self.data.judged,
+            self.own(fit),
+            fit.x.size,
+            self.found.problem.groups,
+        )
         left: Signal = rows.gap - self.power(rows, fit) - rows.known @ fit.nu
         if self.data.withheld.any() or not (fit.names or fit.nu.size):
             return left
@@ -255,8 +285,12 @@ class StageFit(msgspec.Struct, frozen=True):
         whole = weighted.T @ design + np.diag([*fit.free.sd**-2.0, *np.ones(fit.nu.size)])
         for g in range(int(fold.max()) + 1):
             out, here = groups == g, fold == g
-            change = -np.linalg.solve(whole - weighted[out].T @ design[out], weighted[out].T @ fit.z[out])
-            change[:size] = np.clip(fit.x + change[:size], fit.free.minimum, fit.free.maximum) - fit.x
+            change = -np.linalg.solve(
+                whole - weighted[out].T @ design[out], weighted[out].T @ fit.z[out]
+            )
+            change[:size] = (
+                np.clip(fit.x + change[:size], fit.free.minimum, fit.free.maximum) - fit.x
+            )
             left[here] -= there[here] @ change
         return left
 
@@ -273,20 +307,32 @@ def fit_of(data: StageData) -> StageFit:
     sets = _sets(data.names, found)
     evidence = np.array([found.expansion.rated(names) for names in sets])
     odds = np.exp(evidence - evidence.max())
-    return StageFit(data, noise, rows, found, dict(zip(sets, (odds / odds.sum()).tolist(), strict=True)))
+    return StageFit(
+        data, noise, rows, found, dict(zip(sets, (odds / odds.sum()).tolist(), strict=True))
+    )
 
 
 def linear_search(problem: StageProblem) -> Found:
     """Find the set with the most evidence of a linear problem: in closed form about the fit of all
     suspects, whose residuals show the noise, and then about the best set itself.
     """
-    marginal, every = marginal_about(problem, [], np.zeros(problem.nuisances)), tuple(sorted(problem.suspects))
+    marginal, every = (
+        marginal_about(problem, [], np.zeros(problem.nuisances)),
+        tuple(sorted(problem.suspects)),
+    )
     null = fit_set(problem, marginal, ())
-    full, expansion = expand(problem, marginal, every, _least_squares(problem, marginal, every), 1.0)
+    full, expansion = expand(
+        problem, marginal, every, _least_squares(problem, marginal, every), 1.0
+    )
     expansion = msgspec.structs.replace(expansion, evidence=Evidence(problem, full.scale))
-    best = max((_climbed(expansion, begin) for begin in ((), _pruned(expansion, every))), key=expansion.worth)
+    best = max(
+        (_climbed(expansion, begin) for begin in ((), _pruned(expansion, every))),
+        key=expansion.worth,
+    )
     for _ in range(ROUNDS):
-        fit, expansion = expand(problem, marginal, best, _least_squares(problem, marginal, best), full.scale)
+        fit, expansion = expand(
+            problem, marginal, best, _least_squares(problem, marginal, best), full.scale
+        )
         further = _climbed(expansion, best)
         if further == best:
             break
@@ -307,7 +353,9 @@ def most_probable(fit: StageFit) -> StageFit:
     begin = _least_squares(problem, found.marginal, names)
     best, expansion = expand(problem, found.marginal, names, begin, found.scale)
     found.fits[names] = best
-    return msgspec.structs.replace(fit, found=msgspec.structs.replace(found, best=best, expansion=expansion))
+    return msgspec.structs.replace(
+        fit, found=msgspec.structs.replace(found, best=best, expansion=expansion)
+    )
 
 
 def _least_squares(problem: StageProblem, marginal: Marginal, names: Names) -> dict[str, Signal]:
@@ -339,7 +387,11 @@ def _climbed(expansion: Expansion, names: Names) -> Names:
 def _sets(names: Sequence[str], found: Found) -> list[Names]:
     """Every set of a few suspects; of many, the sets near the best one and all that were fitted."""
     if len(names) <= EVERY:
-        return [tuple(sorted(one)) for size in range(len(names) + 1) for one in combinations(names, size)]
+        return [
+            tuple(sorted(one))
+            for size in range(len(names) + 1)
+            for one in combinations(names, size)
+        ]
     best = found.best.names
     near = neighbours(found.expansion, best)
     return list(dict.fromkeys((best, (), *near, *found.sets())))

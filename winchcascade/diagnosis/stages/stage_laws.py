@@ -149,7 +149,9 @@ class StageSignals(msgspec.Struct, frozen=True):
             sized = [_sized(self.signals[name], power) for name, power in law.over.items()]
             return np.asarray(-np.prod([np.ones(self.t.size), *sized], axis=0))
         if law.kind == "exchange":
-            return np.asarray(-np.prod([self.signals[name] ** power for name, power in law.over.items()], axis=0))
+            return np.asarray(
+                -np.prod([self.signals[name] ** power for name, power in law.over.items()], axis=0)
+            )
         x = next(self.signals[name] for name in law.over)
         absolute = np.maximum(x + ATMOSPHERE, 1.0)
         stored = 0.5 * x**2 if law.kind == "store" else np.log(absolute) + ATMOSPHERE / absolute
@@ -165,7 +167,7 @@ def _sized(x: Signal, power: int) -> Signal:
     return np.asarray(x**power * np.tanh(x / max(REST * float(np.max(np.abs(x))), 1e-300)))
 
 
-# --------------------------------------------------------------------------------------------- what a log has of a cascade
+# -------------------------------------------------------------------- what a log has of a cascade
 def paths_of(runs: Sequence[Run], rig: Rig) -> tuple[StagePath, ...]:
     """Neighbouring stages of which all logs have both powers.
 
@@ -173,13 +175,22 @@ def paths_of(runs: Sequence[Run], rig: Rig) -> tuple[StagePath, ...]:
     ------
     LogError : there are none
     """
-    known = [s for s in rig.cascade.stages if all(s.power(run.channels, rig.r_drum) is not None for run in runs)]
+    known = [
+        s
+        for s in rig.cascade.stages
+        if all(s.power(run.channels, rig.r_drum) is not None for run in runs)
+    ]
     if len(known) < 2:
         lacking = [stage for stage in rig.cascade.stages if stage not in known]
-        places = ", ".join(f"{stage.name} ({stage.where})" for stage in lacking) or "a second stage under [cascade]"
+        places = (
+            ", ".join(f"{stage.name} ({stage.where})" for stage in lacking)
+            or "a second stage under [cascade]"
+        )
         raise LogError(
-            f"{runs[0].name}: laws of stages follow from the powers of two stages, and rig {rig.name} with its logs gives "
-            f"{len(known)}; it lacks that of {places}. Log its channels, or name their columns under [columns] in the rig file."
+            f"{runs[0].name}: laws of stages follow from the powers of two stages, and rig "
+            f"{rig.name} with its logs gives "
+            f"{len(known)}; it lacks that of {places}. Log its channels, or name their columns "
+            f"under [columns] in the rig file."
         )
     return tuple(StagePath(into, out) for into, out in pairwise(known))
 
@@ -188,7 +199,11 @@ def stage_signals(run: Run, rig: Rig, path: StagePath) -> StageSignals:
     """Powers and signals of one path in one log."""
     channels, radius = run.channels, rig.r_drum
     own: dict[str, Signal] = {}
-    powers = [power for stage in (path.into, path.out) if (power := stage.power(channels, radius)) is not None]
+    powers = [
+        power
+        for stage in (path.into, path.out)
+        if (power := stage.power(channels, radius)) is not None
+    ]
     power_in, power_out = (power.stream(channels, radius)(slice(None)) for power in powers)
     gains: dict[str, Signal] = {}
     zeros: dict[str, Signal] = {}
@@ -205,10 +220,16 @@ def stage_signals(run: Run, rig: Rig, path: StagePath) -> StageSignals:
                 found[signal] = found.get(signal, 0.0) + channels[name]
         incoming = incoming or found.keys()
         own = found | own
-    line, shaft = (any(end.name == name for end in (path.into, path.out)) for name in ("line", "mech"))
+    line, shaft = (
+        any(end.name == name for end in (path.into, path.out)) for name in ("line", "mech")
+    )
     if line:
         own = {name: x for name, x in own.items() if name not in ("speed", "torque")}
-        own |= {name: channels[name] for name in ("velocity", "displacement", "pressure") if name in channels}
+        own |= {
+            name: channels[name]
+            for name in ("velocity", "displacement", "pressure")
+            if name in channels
+        }
     elif shaft:
         own |= _of_shaft(run, rig, power_in if path.into.name == "mech" else power_out)
         own.pop("velocity", None)
@@ -244,9 +265,13 @@ def _by_channel(power: Power, name: str, run: Run, radius: float | None) -> tupl
     return gain, slope
 
 
-# ----------------------------------------------------------------------------------------------------------- the suspects
+# ----------------------------------------------------------------------------------- the suspects
 def suspected_laws(
-    each: Sequence[StageSignals], paths: Sequence[StagePath], rig: Rig, suspects: Suspects, over: Collection[str] = ()
+    each: Sequence[StageSignals],
+    paths: Sequence[StagePath],
+    rig: Rig,
+    suspects: Suspects,
+    over: Collection[str] = (),
 ) -> Suspecteds:
     """Laws that may act on some paths, by the names of the suspects.
 
@@ -261,7 +286,11 @@ def suspected_laws(
     ------
     RigError : the rig file states a law that the stage does not have, or in another unit
     """
-    allowed = [name for name in LAWS if name in suspects or (name not in EFFECTS and EFFECTS.keys() <= suspects.keys())]
+    allowed = [
+        name
+        for name in LAWS
+        if name in suspects or (name not in EFFECTS and EFFECTS.keys() <= suspects.keys())
+    ]
     found: Suspecteds = {}
     several: list[tuple[str, Suspected]] = []
     for k, (path, one) in enumerate(zip(paths, each, strict=True)):
@@ -269,7 +298,9 @@ def suspected_laws(
         signals &= {*over, "power", "drive"} if over else signals
         for name in dict.fromkeys((*allowed, *stated)):
             law = LAWS[name]
-            if law.kind in STORES and rig.phases.source == "rows":  # rows of a table are no course of time
+            if (
+                law.kind in STORES and rig.phases.source == "rows"
+            ):  # rows of a table are no course of time
                 continue
             if _acts(law, signals) or name in stated:
                 several.append((name, Suspected(law, k, stated=stated.get(name))))
@@ -278,7 +309,8 @@ def suspected_laws(
         found[name if names.count(name) == 1 else f"{name}({paths[one_law.path].name})"] = one_law
     if over:
         return found
-    # a balance of powers has no scale of its own: the sensors at its end are the reference of the others
+    # a balance of powers has no scale of its own: the sensors at its end are the reference of the
+    # others
     reference = {name for power in paths[-1].out.powers for name in power.channels}
     for channel in dict.fromkeys(name for one in each for name in one.gains):
         for part in PARTS[channel in reference :]:
@@ -286,8 +318,14 @@ def suspected_laws(
             if name in suspects or (name not in EFFECTS and part in allowed):
                 sensor = rig.sensors.get(channel)
                 known = sensor is not None and part_uncertainty(sensor, part) > 0.0
-                unit = si_unit(rig.known_channels[channel].dimension) if part == "zero" else LAWS[part].unit
-                found[name] = Suspected(msgspec.structs.replace(LAWS[part], unit=unit), channel=channel, known=known)
+                unit = (
+                    si_unit(rig.known_channels[channel].dimension)
+                    if part == "zero"
+                    else LAWS[part].unit
+                )
+                found[name] = Suspected(
+                    msgspec.structs.replace(LAWS[part], unit=unit), channel=channel, known=known
+                )
     return found
 
 
@@ -321,13 +359,21 @@ def _stated(path: StagePath, one: StageSignals, rig: Rig) -> dict[str, StatedLaw
     found: dict[str, StatedLaw] = {}
     for name, (part, slope) in parts.items():
         law = LAWS[name]
-        if part is not None and slope and path.into.name not in ("line", "hyd") and _acts(law, one.signals):
+        if (
+            part is not None
+            and slope
+            and path.into.name not in ("line", "hyd")
+            and _acts(law, one.signals)
+        ):
             found[name] = StatedLaw(abs(part.value * slope), law.unit, abs((part.u or 0.0) * slope))
     for name, stated in rig.laws.get(path.out.name, {}).items():
         place = f"{rig.path}: [laws.{path.out.name}] {name}"
         if name not in LAWS or not _acts(LAWS[name], one.signals):
             known = ", ".join(name for name, law in LAWS.items() if _acts(law, one.signals))
-            raise RigError(f"{place}: no such law from {path.into.name} to {path.out.name}; expected one of {known}.")
+            raise RigError(
+                f"{place}: no such law from {path.into.name} to {path.out.name}; expected one of "
+                f"{known}."
+            )
         if stated.unit != LAWS[name].unit:
             raise RigError(f"{place}: the unit is {stated.unit!r}; expected {LAWS[name].unit!r}.")
         found[name] = stated
@@ -348,13 +394,27 @@ def effects_of(
     tops : top reading of each channel
     """
     several = zip(laws.items(), most, strict=True)
-    return {name: _effect(name, one, paths, size, tops.get(one.channel, 0.0)) for (name, one), size in several}
+    return {
+        name: _effect(name, one, paths, size, tops.get(one.channel, 0.0))
+        for (name, one), size in several
+    }
 
 
-def _effect(name: str, one: Suspected, paths: Sequence[StagePath], most: float, top: float) -> Effect:
-    law, known, number = one.law, EFFECTS.get(name.partition("(")[0]), 0.0 if one.stated is None else one.stated.value
+def _effect(
+    name: str, one: Suspected, paths: Sequence[StagePath], most: float, top: float
+) -> Effect:
+    law, known, number = (
+        one.law,
+        EFFECTS.get(name.partition("(")[0]),
+        0.0 if one.stated is None else one.stated.value,
+    )
     low, high, least, stage = -min(number, most), most, -number, "sensor"
-    display = Display(law.what, law.factor, "%" if law.factor == 100.0 else law.unit.replace(".", "·"), signed=False)
+    display = Display(
+        law.what,
+        law.factor,
+        "%" if law.factor == 100.0 else law.unit.replace(".", "·"),
+        signed=False,
+    )
     if one.channel:
         low, high = ((top if law.kind == "zero" else 1.0) * end for end in law.share)
         least, far = BROKEN * low, BROKEN * high
@@ -363,7 +423,9 @@ def _effect(name: str, one: Suspected, paths: Sequence[StagePath], most: float, 
         stage, far = paths[one.path].place, FAR * most
     return Effect(
         name=name,
-        label=f"{law.label} of {one.channel}" if known is None and one.channel else (known or law).label,
+        label=f"{law.label} of {one.channel}"
+        if known is None and one.channel
+        else (known or law).label,
         stage=stage,
         summary=(known or law).summary,
         shows_as=f"power over {', '.join(law.over) or 'time'}",

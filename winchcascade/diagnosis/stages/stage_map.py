@@ -99,7 +99,9 @@ def mapped_path(runs: Sequence[Run], rig: Rig) -> StagePath:
     """
     paths = paths_of(runs, rig)
     shaft = [
-        path for path in paths if "mech" in (path.into.name, path.out.name) and path.into.name not in ("line", "hyd")
+        path
+        for path in paths
+        if "mech" in (path.into.name, path.out.name) and path.into.name not in ("line", "hyd")
     ]
     return (shaft or list(paths))[0]
 
@@ -116,7 +118,8 @@ def make_loss_map(runs: Sequence[Run], rig: Rig) -> LossMap:
     data = stage_data(Entries(runs), rig, EFFECTS, paths=[path], mapped=True)
     if "" in data.axes[0]:
         raise RigError(
-            f"rig {rig.name}: a loss map needs a motion and a load of one stage, such as speed and torque, from "
+            f"rig {rig.name}: a loss map needs a motion and a load of one stage, such as speed "
+            f"and torque, from "
             f"{path.into.name} to {path.out.name}; log both."
         )
     fit = most_probable(fit_of(data))
@@ -126,10 +129,13 @@ def make_loss_map(runs: Sequence[Run], rig: Rig) -> LossMap:
     moves = rows.axes[:, 0] != 0.0
     if not moves.any():
         raise LogError(
-            f"{runs[0].name}: no operating point for a loss map, as {data.axes[0][0]} is 0 throughout; "
+            f"{runs[0].name}: no operating point for a loss map, as {data.axes[0][0]} is 0 "
+            f"throughout; "
             "expected a stage at work."
         )
-    motion, load = (np.linspace(float(x.min()), float(x.max()), BREAKPOINTS) for x in places[moves].T)
+    motion, load = (
+        np.linspace(float(x.min()), float(x.max()), BREAKPOINTS) for x in places[moves].T
+    )
     grid = np.stack(np.meshgrid(motion, load), axis=-1)
     loss, slopes = _surface(fit, grid)
     covariance = fit.covariance(best)
@@ -169,7 +175,11 @@ def _laws(fit: StageFit) -> tuple[MappedLaw, ...]:
             rows.append(MappedLaw(name, label, next(iter(own.parameters.values())), alike))
         elif one.stated is not None:
             value, half = one.stated.value, COVERED * one.stated.u
-            rows.append(MappedLaw(name, label, Reported(value, value - half, value + half, one.law.unit), ()))
+            rows.append(
+                MappedLaw(
+                    name, label, Reported(value, value - half, value + half, one.law.unit), ()
+                )
+            )
     return tuple(rows)
 
 
@@ -183,10 +193,14 @@ def _surface(fit: StageFit, grid: Signal) -> tuple[Signal, Signal]:
     signals = {**dict(zip(data.axes[0], (x, y), strict=True)), "power": power, "drive": power}
     one = StageSignals(np.arange(float(power.size)), power, power, signals, {}, {})
     losses = [law.law.kind == "loss" for law in data.laws.values()]
-    columns = [-one.column(law.law) * loss for law, loss in zip(data.laws.values(), losses, strict=True)]
+    columns = [
+        -one.column(law.law) * loss for law, loss in zip(data.laws.values(), losses, strict=True)
+    ]
     slopes = np.array(columns).T
     shape = (*grid.shape[:-1], len(best.names))
-    return (slopes @ data.numbers(best.names, best.x)).reshape(shape[:-1]), slopes[:, fit.own(best)].reshape(shape)
+    return (slopes @ data.numbers(best.names, best.x)).reshape(shape[:-1]), slopes[
+        :, fit.own(best)
+    ].reshape(shape)
 
 
 def convex_hull(points: Signal, places: Signal) -> tuple[Signal, Mask]:
@@ -208,4 +222,6 @@ def convex_hull(points: Signal, places: Signal) -> tuple[Signal, Mask]:
         return corners[:: max(1, len(corners) - 1)], np.zeros(places.shape[:-1], dtype=bool)
     beyond = (places @ hull.equations[:, :2].T + hull.equations[:, 2]).max(axis=-1)
     found = corners[hull.vertices]
-    return np.roll(found, -int(np.lexsort(found.T[::-1])[0]), axis=0), beyond <= EDGE * np.ptp(corners)
+    return np.roll(found, -int(np.lexsort(found.T[::-1])[0]), axis=0), beyond <= EDGE * np.ptp(
+        corners
+    )

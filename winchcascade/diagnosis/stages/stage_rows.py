@@ -103,7 +103,9 @@ class StageRows(msgspec.Struct, frozen=True):
     def some(self, here: Mask | Index) -> StageRows:
         """The rows that are `here`, (m,)."""
         blocks = Blocks(*(field[here] for field in msgspec.structs.astuple(self.blocks)))
-        cut = {name: getattr(self, name)[here] for name in self.__struct_fields__ if name != "blocks"}
+        cut = {
+            name: getattr(self, name)[here] for name in self.__struct_fields__ if name != "blocks"
+        }
         return StageRows(blocks=blocks, **cut)
 
 
@@ -127,13 +129,17 @@ class StageData(msgspec.Struct, frozen=True):
         them adds.
         """
         added = dict(zip(names, x.tolist(), strict=True))
-        stated = {name: one.stated.value for name, one in self.laws.items() if one.stated is not None}
+        stated = {
+            name: one.stated.value for name, one in self.laws.items() if one.stated is not None
+        }
         return np.array([stated.get(name, 0.0) + added.get(name, 0.0) for name in self.names])
 
     @property
     def plain(self) -> Mask:
         """Suspects that are no error of a sensor of a power that comes out, (suspects,)."""
-        outgoing = {name for path in self.paths for power in path.out.powers for name in power.channels}
+        outgoing = {
+            name for path in self.paths for power in path.out.powers for name in power.channels
+        }
         return np.array([one.channel not in outgoing for one in self.laws.values()])
 
     @property
@@ -156,11 +162,19 @@ class StageData(msgspec.Struct, frozen=True):
         """Name of every cycle of all parts in a row."""
         first = np.unique(self.rows.blocks.cycle, return_index=True)[1]
         parts = [self.parts[number].run.name for number in self.rows.part[first]]
-        return [f"cycle {cycle} of {name}" for cycle, name in zip(self.rows.own_cycle[first], parts, strict=True)]
+        return [
+            f"cycle {cycle} of {name}"
+            for cycle, name in zip(self.rows.own_cycle[first], parts, strict=True)
+        ]
 
 
 def stage_data(
-    entries: Entries, rig: Rig, suspects: Suspects, *, paths: Sequence[StagePath] = (), mapped: bool = False
+    entries: Entries,
+    rig: Rig,
+    suspects: Suspects,
+    *,
+    paths: Sequence[StagePath] = (),
+    mapped: bool = False,
 ) -> StageData:
     """Take the blocks that count out of logs.
 
@@ -179,10 +193,13 @@ def stage_data(
     chosen = tuple(paths) or paths_of(entries.runs, rig)
     first = [stage_signals(entries.runs[0], rig, path) for path in chosen]
     axes = tuple(axes_of(one.signals) for one in first)
-    laws = suspected_laws(first, chosen, rig, suspects, [name for pair in axes for name in pair] if mapped else ())
+    laws = suspected_laws(
+        first, chosen, rig, suspects, [name for pair in axes for name in pair] if mapped else ()
+    )
     if not laws:
         raise OptionError(
-            f"none of the suspects ({', '.join(suspects)}) acts between {' and '.join(chosen[0].name.split('-'))}; suspect "
+            f"none of the suspects ({', '.join(suspects)}) acts between "
+            f"{' and '.join(chosen[0].name.split('-'))}; suspect "
             f"{', '.join(suspected_laws(first, chosen, rig, EFFECTS))}."
         )
     cycles = entries.cycles or [None] * len(entries.runs)
@@ -193,7 +210,8 @@ def stage_data(
         needed = MIN_BLOCKS if _by_motion(run, rig) else 1
         if table.t.size < needed:
             raise CampaignError(
-                f"{run.name}: {table.t.size} blocks of samples hold the powers of both stages in the cycles that count, "
+                f"{run.name}: {table.t.size} blocks of samples hold the powers of both stages in "
+                f"the cycles that count, "
                 f"and {needed} are needed; name more cycles or use a longer log."
             )
         ends = int(table.own_cycle.min()), int(table.own_cycle.max())
@@ -202,15 +220,23 @@ def stage_data(
         tables.append(table)
     rows = _joined(tables, in_a_row([table.blocks for table in tables]))
     fitted = rows.some(~np.array([part.withheld for part in parts])[rows.part])
-    power = np.array([np.linalg.norm((fitted.gap + fitted.given)[fitted.path == p]) for p in range(len(chosen))])
+    power = np.array(
+        [np.linalg.norm((fitted.gap + fitted.given)[fitted.path == p]) for p in range(len(chosen))]
+    )
     sizes = np.linalg.norm(fitted.columns, axis=0)
-    line = [one.law.kind in ("loss", "zero", "gain") and chosen[0].into.name == "line" for one in laws.values()]
+    line = [
+        one.law.kind in ("loss", "zero", "gain") and chosen[0].into.name == "line"
+        for one in laws.values()
+    ]
     if not np.all(power) or np.any(sizes[line] == 0.0):
         what = (
-            "line speed, line tension or mechanical power" if chosen[0].into.name == "line" else "a power or its signal"
+            "line speed, line tension or mechanical power"
+            if chosen[0].into.name == "line"
+            else "a power or its signal"
         )
         raise LogError(
-            f"{parts[0].run.name}: {what} is 0 throughout the cycles of the fit; a diagnosis needs a rig at work, so choose "
+            f"{parts[0].run.name}: {what} is 0 throughout the cycles of the fit; a diagnosis "
+            f"needs a rig at work, so choose "
             "other cycles or check the columns."
         )
     moving = sizes > 0.0
@@ -223,7 +249,9 @@ def stage_data(
     }
     found = effects_of(laws, chosen, most, tops)
     kept = np.concatenate([moving, np.ones(rows.known.shape[1] + 1, dtype=bool)])
-    rows = msgspec.structs.replace(rows, columns=rows.columns[:, moving], halves=rows.halves[:, :, kept])
+    rows = msgspec.structs.replace(
+        rows, columns=rows.columns[:, moving], halves=rows.halves[:, :, kept]
+    )
     return StageData(chosen, laws, found, axes, tuple(parts), rows)
 
 
@@ -257,22 +285,33 @@ def _rows_of(
     """
     blocks, step = _blocks(run, rig, asked), median(np.diff(run.t))
     tables: list[StageRows] = []
-    width = blocks.count * blocks.mean(np.minimum(np.gradient(run.t), 2.0 * step))  # not that of a gap
+    width = blocks.count * blocks.mean(
+        np.minimum(np.gradient(run.t), 2.0 * step)
+    )  # not that of a gap
     even = np.arange(run.t.size) % 2 == 0
     for k, path in enumerate(paths):
         one = stage_signals(run, rig, path)
         good, minimum = _logged(run, rig, path) & np.isfinite(one.power_in + one.power_out), 0.5
-        if rig.drivetrain.one_way_clutch and "velocity" in run.channels and path.into.name != "line":
+        if (
+            rig.drivetrain.one_way_clutch
+            and "velocity" in run.channels
+            and path.into.name != "line"
+        ):
             cycles = reduce(run, rig=rig).complete
-            good &= engaged(run, [c.phases for c in cycles], [c.summary.payout.plateau for c in cycles], rig)
+            good &= engaged(
+                run, [c.phases for c in cycles], [c.summary.payout.plateau for c in cycles], rig
+            )
             minimum = 1.0 - 1e-9
         count = blocks.mean(good.astype(np.float64))
         here = count >= minimum if minimum > 0.5 else count > minimum
-        stated = [(law, law.stated) for law in laws.values() if law.path == k and law.stated is not None]
+        stated = [
+            (law, law.stated) for law in laws.values() if law.path == k and law.stated is not None
+        ]
         less = [law.value * one.column(suspected.law) for suspected, law in stated]
         given = np.sum([one.power_in, *less], axis=0)
         columns = [
-            one.column(law.law, law.channel) if law.path in (k, -1) else np.zeros(run.t.size) for law in laws.values()
+            one.column(law.law, law.channel) if law.path in (k, -1) else np.zeros(run.t.size)
+            for law in laws.values()
         ]
         ends = [one.signals.get(name, np.zeros(run.t.size)) for name in axes[k]]
         known = _known(run, rig, one, laws, k, number)
@@ -282,7 +321,10 @@ def _rows_of(
             / np.maximum(blocks.mean(part.astype(np.float64))[here], 1e-12)
             for part in (good, good & even, good & ~even)
         )
-        beside = [np.vstack([columns_of[5:], gap_of[2:3]]) for gap_of, columns_of in (halves, halves[::-1])]
+        beside = [
+            np.vstack([columns_of[5:], gap_of[2:3]])
+            for gap_of, columns_of in (halves, halves[::-1])
+        ]
         kept = Blocks(*(field[here] for field in msgspec.structs.astuple(blocks)))
         own = np.maximum(kept.cycle, 1)  # rest before the first payout belongs to its cycle
         split = 5 + len(columns)
@@ -310,7 +352,9 @@ def _rows_of(
 def _joined(tables: Sequence[StageRows], blocks: Blocks) -> StageRows:
     """Several tables in a row, with their blocks."""
     rest = [name for name in StageRows.__struct_fields__ if name != "blocks"]
-    return StageRows(blocks=blocks, **{name: np.concatenate([getattr(t, name) for t in tables]) for name in rest})
+    return StageRows(
+        blocks=blocks, **{name: np.concatenate([getattr(t, name) for t in tables]) for name in rest}
+    )
 
 
 def _logged(run: Run, rig: Rig, path: StagePath) -> Mask:
@@ -324,20 +368,28 @@ def _logged(run: Run, rig: Rig, path: StagePath) -> Mask:
     return logged
 
 
-def _known(run: Run, rig: Rig, one: StageSignals, laws: Suspecteds, path: int, number: tuple[int, int]) -> list[Signal]:
+def _known(
+    run: Run, rig: Rig, one: StageSignals, laws: Suspecteds, path: int, number: tuple[int, int]
+) -> list[Signal]:
     """What one standard uncertainty adds to power out minus power in, (n,) each: of the stated laws
     and of the gains of the sensors, which all logs share, and of the zeros of the sensors, which
     each log has of its own. [W]
     """
     none = np.zeros(run.t.size)
-    stated = [(law, law.stated.u) for law in laws.values() if law.stated is not None and law.stated.u]
+    stated = [
+        (law, law.stated.u) for law in laws.values() if law.stated is not None and law.stated.u
+    ]
     made = [u * one.column(law.law) if law.path == path else none for law, u in stated]
     for channel, sensor in rig.sensors.items():
         for source in error_sources(channel, sensor):
             columns = one.gains if source.part == "gain" else one.zeros
             column = source.u * columns.get(channel, none)
             shared = source.part == "gain"
-            made += [column] if shared else [column if k == number[0] else none for k in range(number[1])]
+            made += (
+                [column]
+                if shared
+                else [column if k == number[0] else none for k in range(number[1])]
+            )
     return made
 
 
@@ -347,7 +399,11 @@ def _blocks(run: Run, rig: Rig, asked: tuple[int, int] | None) -> Blocks:
     """
     if _by_motion(run, rig):
         return blocks_of(run, rig, FINER * motion_of_runs([run]).ramp, asked)
-    cycles = [cycle for cycle in reduce(run, rig=rig).complete if asked is None or asked[0] <= cycle.cycle <= asked[1]]
+    cycles = [
+        cycle
+        for cycle in reduce(run, rig=rig).complete
+        if asked is None or asked[0] <= cycle.cycle <= asked[1]
+    ]
     step = median(np.diff(run.t))
     length = max(BLOCK_LENGTH * rig.thresholds.smoothing, MIN_SAMPLES * step)
     pieces: list[Signal] = []
@@ -361,6 +417,9 @@ def _blocks(run: Run, rig: Rig, asked: tuple[int, int] | None) -> Blocks:
         same = np.full(count, PARTS_OF_RUN.index("window")), np.full(count, cycle.cycle)
         pieces.append(np.column_stack([edges[:-1], edges[1:], *same, joined])[whole])
     if not pieces:
-        raise LogError(f"{run.name}: no cycle is complete; a diagnosis needs one, so check [phases] of the rig file.")
+        raise LogError(
+            f"{run.name}: no cycle is complete; a diagnosis needs one, so check [phases] of the "
+            f"rig file."
+        )
     start, stop, phases, numbers, joined_to = np.vstack(pieces).T
     return Blocks(start, stop, phases, numbers, joined_to.astype(bool))

@@ -1,4 +1,6 @@
-"""Rows that were lost while the clock was renumbered, and counters that were set: the displacement jumps without travel."""
+"""Rows that were lost while the clock was renumbered, and counters that were set: the
+displacement jumps without travel.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +11,8 @@ from winchcascade.core.run import Finding, Repair, Signal
 from winchcascade.ingest.checks.samples import Samples, whole
 
 LARGE = (3.0, 8.0, 1.5)
-"""Smallest jump, as a multiple of what the motion does elsewhere: of the 95 % quantile of the travel beyond the velocity, of
-its standard deviation, and of the step of the displacement. [1]"""
+"""Smallest jump, as a multiple of what the motion does elsewhere: of the 95 % quantile of the
+travel beyond the velocity, of its standard deviation, and of the step of the displacement. [1]"""
 
 ROW = 0.5
 """Smallest jump, as a share of the travel in a row: at least one whole row is lost. [1]"""
@@ -19,11 +21,14 @@ MAX_JUMPS = 20
 """With more of them the displacement jumps by itself, as one that is sampled slowly does. [1]"""
 
 SIDE = 5
-"""Rows on either side of a jump that show whether it comes back, and the speed where no velocity is logged. [1]"""
+"""Rows on either side of a jump that show whether it comes back, and the speed where no velocity
+is logged. [1]
+"""
 
 
 def put_back(log: Samples) -> Signal:
-    """Put back the time of lost rows, and take the steps of a counter that was set out of the displacement.
+    """Put back the time of lost rows, and take the steps of a counter that was set out of the
+    displacement.
 
     Returns
     -------
@@ -40,10 +45,14 @@ def put_back(log: Samples) -> Signal:
             continue
         if slow:
             cause = "while the line rests: rows were lost and the clock was renumbered, or the counter was set"
-        elif metres * speed < 0.0 or (abs(x[after]) < LARGE[2] * step + travel and abs(x[before]) > step):
+        elif metres * speed < 0.0 or (
+            abs(x[after]) < LARGE[2] * step + travel and abs(x[before]) > step
+        ):
             x = np.append(x[:after], x[after:] - metres)
             cause = "and goes on from there: the counter was set back, or rows were written twice"
-            repair = Repair("step removed from the displacement", x.size - after, ((start, float(t[-1])),))
+            repair = Repair(
+                "step removed from the displacement", x.size - after, ((start, float(t[-1])),)
+            )
         else:
             lost = metres / speed
             t = np.append(log.t[:after], log.t[after:] + lost)
@@ -54,13 +63,17 @@ def put_back(log: Samples) -> Signal:
             repair = Repair("treated as a gap of that length", 0, (gaps[-1],))
         what = f"at {start:.2f} s the displacement jumps by {metres:+.3f} m beyond what the velocity gives, {cause}"
         action = "reported and kept" if repair is None else repair.what
-        log.findings.append(Finding("clock_mismatch", what, action, start=start, end=end, repair=repair))
+        log.findings.append(
+            Finding("clock_mismatch", what, action, start=start, end=end, repair=repair)
+        )
     log.channels["displacement"] = x
     return np.array(gaps).reshape(-1, 2)
 
 
 def _makes_up(log: Samples, before: int, metres: float) -> bool:
-    """Whether a jump makes up for travel that a displacement which held one value before it did not count."""
+    """Whether a jump makes up for travel that a displacement which held one value before it did
+    not count.
+    """
     x, v = log.channels["displacement"], log.channels.get("velocity")
     if v is None:
         return False
@@ -70,28 +83,40 @@ def _makes_up(log: Samples, before: int, metres: float) -> bool:
 
 
 def _steps(t: Signal, x: Signal, v: Signal, first: int, last: int) -> tuple[Signal, Signal, Signal]:
-    """Interval [s], mean speed [m/s], and travel beyond any speed from a row before to a row after [m], of some steps."""
+    """Interval [s], mean speed [m/s], and travel beyond any speed from a row before to a row
+    after [m], of some steps.
+    """
     v = v[np.clip(np.arange(first - 1, last + 2), 0, t.size - 1)]
     near = v[:-3], v[1:-2], v[2:-1], v[3:]
     interval, moved = np.diff(t[first : last + 1]), np.diff(x[first : last + 1])
-    beyond = moved - np.clip(moved, np.minimum.reduce(near) * interval, np.maximum.reduce(near) * interval)
+    beyond = moved - np.clip(
+        moved, np.minimum.reduce(near) * interval, np.maximum.reduce(near) * interval
+    )
     return interval, 0.5 * (near[1] + near[2]), beyond
 
 
 def _jumps(log: Samples) -> list[tuple[int, float, float]]:
     """Jumps of the displacement by what the line did not travel, in order; none if they are many.
 
-    Each is the row before it, what it changes beyond the mean velocity [m], and that velocity [m/s]: without a velocity the
-    middle one of the slopes beside a row. A few blocks of a long log show what is usual.
+    Each is the row before it, what it changes beyond the mean velocity [m], and that velocity
+    [m/s]: without a velocity the middle one of the slopes beside a row. A few blocks of a long log
+    show what is usual.
     """
-    t, x, v, v_onset = log.t, log.channels["displacement"], log.channels.get("velocity"), log.rig.thresholds.v_onset
+    t, x, v, v_onset = (
+        log.t,
+        log.channels["displacement"],
+        log.channels.get("velocity"),
+        log.rig.thresholds.v_onset,
+    )
     known = np.isfinite(x) if v is None else np.isfinite(x) & np.isfinite(v)
     if np.count_nonzero(known) < 4 * SIDE:
         return []
     x, longest = whole(t, x), 1.5 * log.interval
     if v is None:
         slopes = np.pad(np.diff(x) / np.diff(t), SIDE, mode="edge")
-        v = np.partition(np.lib.stride_tricks.sliding_window_view(slopes, 2 * SIDE), SIDE, axis=1)[:, SIDE]
+        v = np.partition(np.lib.stride_tricks.sliding_window_view(slopes, 2 * SIDE), SIDE, axis=1)[
+            :, SIDE
+        ]
     v, sizes, found = whole(t, v), [], []
     for first in range(0, t.size - 1, BLOCK * max(1, t.size // (8 * BLOCK))):
         interval, speed, beyond = _steps(t, x, v, first, min(first + BLOCK, t.size - 1))
@@ -103,7 +128,9 @@ def _jumps(log: Samples) -> list[tuple[int, float, float]]:
     least = max(share * one for share, one in zip(LARGE, usual, strict=True))
     for first in range(0, t.size - 1, BLOCK):
         interval, speed, beyond = _steps(t, x, v, first, min(first + BLOCK, t.size - 1))
-        large = (np.abs(beyond) > np.maximum(least, ROW * np.abs(speed) * interval)) & (interval < longest)
+        large = (np.abs(beyond) > np.maximum(least, ROW * np.abs(speed) * interval)) & (
+            interval < longest
+        )
         found += (first + np.flatnonzero(large)).tolist()
     jumps = []
     for k in found if len(found) <= MAX_JUMPS else []:

@@ -1,4 +1,6 @@
-"""Faults of the channels of a log: each becomes a finding; lost samples are bridged, unusual ones are kept and reported."""
+"""Faults of the channels of a log: each becomes a finding; lost samples are bridged, unusual
+ones are kept and reported.
+"""
 
 from __future__ import annotations
 
@@ -26,18 +28,28 @@ from winchcascade.ingest.checks.sensors import (
 )
 from winchcascade.ingest.checks.signs import correct_signs, directed, give_direction
 
-APPLIED = ("missing_channel", "derived_channel", "not_a_number", "sign_flipped", "thresholds_assumed")
-"""Findings whose action does not change a number that was logged: these are done without repairs, too."""
+APPLIED = (
+    "missing_channel",
+    "derived_channel",
+    "not_a_number",
+    "sign_flipped",
+    "thresholds_assumed",
+)
+"""Findings whose action does not change a number that was logged: these are done without
+repairs, too.
+"""
 
 MIN_CHECKED = 50
 """Fewer samples do not show what a channel usually does. [1]"""
 
 
 class Checked(msgspec.Struct, frozen=True):
-    """Stamps, channels without holes, the gaps that were bridged in each, (k, 2) stamps [s], and what was found.
+    """Stamps, channels without holes, the gaps that were bridged in each, (k, 2) stamps [s], and
+    what was found.
 
-    `t` differs from the stamps of the log where rows were lost while the clock was renumbered; `clock` holds the gaps there.
-    `signs` has -1 for each channel that is logged with the opposite sign. `rig` has complete thresholds.
+    `t` differs from the stamps of the log where rows were lost while the clock was renumbered;
+    `clock` holds the gaps there. `signs` has -1 for each channel that is logged with the opposite
+    sign. `rig` has complete thresholds.
     """
 
     t: Signal
@@ -50,7 +62,13 @@ class Checked(msgspec.Struct, frozen=True):
 
 
 def check(
-    t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, open_circuit: bool, repairs: Repairs = "on"
+    t: Signal,
+    channels: dict[str, Signal],
+    rig: Rig,
+    *,
+    simulated: bool,
+    open_circuit: bool,
+    repairs: Repairs = "on",
 ) -> Checked:
     """Check every channel of a log and bridge what is lost.
 
@@ -72,7 +90,11 @@ def check(
     _report_missing(log)
     _run(log, JUMPS)
     v, displacement = channels.get("velocity"), channels.get("displacement")
-    if not (simulated or v is None or displacement is None) and is_constant(v) and not is_constant(displacement):
+    if (
+        not (simulated or v is None or displacement is None)
+        and is_constant(v)
+        and not is_constant(displacement)
+    ):
         leave_out(log, "velocity", "left out")
     if not gives_result(channels, rig):
         return Checked(t, {}, {}, tuple(log.findings), np.empty((0, 2)), rig)
@@ -88,7 +110,9 @@ def check(
             if name in log.rig.cascade.channels and name not in MAY_HOLD:
                 saturated(log, name)
         for fault in STILL:
-            _run(log, fault, without=() if both or "displacement" not in channels else ("velocity",))
+            _run(
+                log, fault, without=() if both or "displacement" not in channels else ("velocity",)
+            )
         report_constant(log)
         if (
             both
@@ -113,12 +137,15 @@ def _typical(log: Samples) -> dict[str, Signal]:
 def _run(log: Samples, fault: Fault, without: Collection[str] = ()) -> None:
     """Seek a fault in all channels until none is found, take out what has it, and report it.
 
-    All channels are checked before the samples of one are taken out: each is a witness of the others.
+    All channels are checked before the samples of one are taken out: each is a witness of the
+    others.
     """
     total: dict[str, Mask] = {}
     for _ in range(fault.rounds):
         names = [
-            n for n, x in log.channels.items() if n not in without and np.count_nonzero(np.isfinite(x)) > MIN_CHECKED
+            n
+            for n, x in log.channels.items()
+            if n not in without and np.count_nonzero(np.isfinite(x)) > MIN_CHECKED
         ]
         found = {name: bad for name in names if (bad := fault.mask(log, name)).any()}
         for name, bad in found.items():
@@ -138,23 +165,33 @@ def _take_out_holes(log: Samples) -> None:
         bad = ~np.isfinite(x)
         if bad.all():
             del log.channels[name]
-            log.findings.append(Finding("missing_channel", f"the column for {name} holds no number", "left out", name))
+            log.findings.append(
+                Finding(
+                    "missing_channel", f"the column for {name} holds no number", "left out", name
+                )
+            )
         elif bad.any():
             log.take_out(name, bad)
             log.report("not_a_number", name, bad, "are empty or not a number")
 
 
 def _report_missing(log: Samples) -> None:
-    """Report channels for which the rig has sensors and the log has no column; mechanical power replaces torque."""
+    """Report channels for which the rig has sensors and the log has no column; mechanical power
+    replaces torque.
+    """
     known = {*log.channels, *(f.channel for f in log.findings if f.kind == "missing_channel")}
     for name in log.rig.sensors:
         if name not in known and not (name == "torque" and "power_mech" in log.channels):
             message = f"the log has no {name} channel"
-            log.findings.append(Finding("missing_channel", message, "metrics that need it are null", name))
+            log.findings.append(
+                Finding("missing_channel", message, "metrics that need it are null", name)
+            )
 
 
 def _check_clock(log: Samples) -> Signal:
-    """Check the clock, and put back the time of rows that were lost; stamps around these, (k, 2). [s]"""
+    """Check the clock, and put back the time of rows that were lost; stamps around these, (k,
+    2). [s]
+    """
     mismatch = clock_mismatch(log)
     if mismatch is not None:
         log.findings.append(Finding("clock_mismatch", mismatch, "reported and kept"))
@@ -164,7 +201,9 @@ def _check_clock(log: Samples) -> Signal:
 
 
 def _complete_velocity(log: Samples) -> None:
-    """Derive a velocity that the log lacks from its displacement, else from the speed of rotation and the drum radius."""
+    """Derive a velocity that the log lacks from its displacement, else from the speed of
+    rotation and the drum radius.
+    """
     if "velocity" in log.channels:
         return
     if "displacement" in log.channels:
@@ -181,13 +220,21 @@ def _complete_velocity(log: Samples) -> None:
     missing = [f for f in log.findings if f.kind == "missing_channel" and f.channel == "velocity"]
     log.findings[:] = [f for f in log.findings if f not in missing]
     message = missing[0].message if missing else "the log has no usable velocity"
-    log.findings.append(Finding("derived_channel", message, action, "velocity", repair=Repair(action, 0)))
+    log.findings.append(
+        Finding("derived_channel", message, action, "velocity", repair=Repair(action, 0))
+    )
 
 
 def _as_logged(
-    found: Samples, t: Signal, channels: dict[str, Signal], signs: Mapping[str, float], *, turned: bool
+    found: Samples,
+    t: Signal,
+    channels: dict[str, Signal],
+    signs: Mapping[str, float],
+    *,
+    turned: bool,
 ) -> Checked:
-    """The log as it was logged, with what was found; its convention of signs is not a fault, and no number is no value.
+    """The log as it was logged, with what was found; its convention of signs is not a fault, and no
+    number is no value.
 
     Parameters
     ----------
@@ -197,14 +244,18 @@ def _as_logged(
     """
     log = Samples(t, channels, found.rig, found.open_circuit)
     _take_out_holes(log)
-    applied = [kind for kind in APPLIED if kind != "derived_channel" or "velocity" not in log.channels]
+    applied = [
+        kind for kind in APPLIED if kind != "derived_channel" or "velocity" not in log.channels
+    ]
     _complete_velocity(log)
     if turned:
         log.channels["velocity"] = directed(log)
     for name, sign in signs.items():
         if name in log.channels:
             log.channels[name] = sign * log.channels[name]
-    log.findings[:] = [f if f.kind in applied else _not_repaired(f.at_times(found.t, t)) for f in found.findings]
+    log.findings[:] = [
+        f if f.kind in applied else _not_repaired(f.at_times(found.t, t)) for f in found.findings
+    ]
     return _checked(log, np.empty((0, 2)), signs)
 
 
@@ -213,7 +264,9 @@ def _not_repaired(finding: Finding) -> Finding:
     if finding.repair is None:
         return msgspec.structs.replace(finding, action="reported and kept")
     repair = msgspec.structs.replace(finding.repair, applied=False)
-    return msgspec.structs.replace(finding, action="kept, as repairs are off", removed=0, repair=repair)
+    return msgspec.structs.replace(
+        finding, action="kept, as repairs are off", removed=0, repair=repair
+    )
 
 
 def _checked(log: Samples, renumbered: Signal, signs: Mapping[str, float]) -> Checked:

@@ -1,4 +1,6 @@
-"""A log while it is checked: which of its samples are lost, what its channels usually do, how holes are bridged."""
+"""A log while it is checked: which of its samples are lost, what its channels usually do, how
+holes are bridged.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,14 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.channels import Channel
-from winchcascade.core.integrate import BLOCK, ENOUGH, median, quantiles_in_place, smallest_step, stretches_of
+from winchcascade.core.integrate import (
+    BLOCK,
+    ENOUGH,
+    median,
+    quantiles_in_place,
+    smallest_step,
+    stretches_of,
+)
 from winchcascade.core.quantity import find_unit
 from winchcascade.core.rig_file import Rig, Sensor
 from winchcascade.core.run import Finding, FindingKind, Index, Mask, Repair, Signal
@@ -19,15 +28,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SLOPE_WIDTH = 2 / 3
-"""Width of the local quadratic of a displacement whose slope is a velocity, as a share of that which smooths a velocity: the
-steps of an encoder do not show. [1]"""
+"""Width of the local quadratic of a displacement whose slope is a velocity, as a share of that
+which smooths a velocity: the steps of an encoder do not show. [1]"""
 
 SPREAD = 20_000
 """Number of samples, evenly over the log, that show the range of a channel. [1]"""
 
 OF_RANGE = 0.02
-"""Smallest size of a fault of one sample, in ranges of its channel: in a payout of a hundred samples, less moves no energy
-by a thousandth. [1]"""
+"""Smallest size of a fault of one sample, in ranges of its channel: in a payout of a hundred
+samples, less moves no energy by a thousandth. [1]"""
 
 LONGER = 5.0
 """The same of a fault of several samples, in sizes of one sample. [1]"""
@@ -36,7 +45,9 @@ OF_NOISE = 8.0
 """And in standard deviations of white noise: once in 1e15 samples of a normal distribution. [1]"""
 
 FAR = 5.0
-"""Distance of a value from the range of a channel, in ranges, beyond which it is no measurement. [1]"""
+"""Distance of a value from the range of a channel, in ranges, beyond which it is no measurement.
+[1]
+"""
 
 
 ROUNDED_STAMPS = 1e-6
@@ -47,7 +58,9 @@ Directions: TypeAlias = "NDArray[np.int8]"
 
 
 class Level(NamedTuple):
-    """What a channel usually does, in its unit: ends of the range in which it moves, white noise, and resolution."""
+    """What a channel usually does, in its unit: ends of the range in which it moves, white
+    noise, and resolution.
+    """
 
     low: float
     high: float
@@ -66,12 +79,16 @@ class Level(NamedTuple):
 
     @property
     def fault(self) -> float:
-        """Smallest jump of a fault: beyond noise, and beyond two neighbouring values of a coarse channel."""
+        """Smallest jump of a fault: beyond noise, and beyond two neighbouring values of a coarse
+        channel.
+        """
         return max(OF_RANGE * self.span, OF_NOISE * self.noise, 2.5 * self.step)
 
     @property
     def long_fault(self) -> float:
-        """Smallest jump of a fault of several samples, which the machine may make more easily than one of a single sample."""
+        """Smallest jump of a fault of several samples, which the machine may make more easily
+        than one of a single sample.
+        """
         return max(LONGER * OF_RANGE * self.span, self.fault)
 
     @property
@@ -87,16 +104,21 @@ class Level(NamedTuple):
 
 
 def level_of(x: Signal) -> Level:
-    """Describe a channel, NaN where it has holes; a value to which it jumps again and again does not belong to its range."""
+    """Describe a channel, NaN where it has holes; a value to which it jumps again and again does
+    not belong to its range.
+    """
     spread = x[:: max(1, x.size // SPREAD)]
     spread, begin = spread[np.isfinite(spread)], x[:ENOUGH]
     begin = begin[np.isfinite(begin)]
     if begin.size < 4 or not spread.size:
         return Level(0.0, 0.0, 0.0, 0.0)
     steps = np.diff(begin)
-    # Medians of white noise are 0.954 and 1.652 standard deviations; a ramp shows in the one, a ringing in the other.
+    # Medians of white noise are 0.954 and 1.652 standard deviations; a ramp shows in the one, a
+    # ringing in the other.
     noise = min(_usual(steps) / 0.954, _usual(np.diff(steps)) / 1.652)
-    low, high = quantiles_in_place(np.unique(spread), [0.005, 0.995])  # each value once: a log may rest for hours
+    low, high = quantiles_in_place(
+        np.unique(spread), [0.005, 0.995]
+    )  # each value once: a log may rest for hours
     step = smallest_step(begin)
     large = np.flatnonzero(np.abs(steps) > Level(low, high, noise, step).fault)
     if large.size:
@@ -124,7 +146,8 @@ class Samples(msgspec.Struct):
     open_circuit : no current flows, and a voltage does not show a load
     lost : (n,) which samples were taken out of each channel
     logged : places and values of those that were taken out as spikes
-    levels, moving : what was found of the channels, and of the motion by one of them, until samples are taken out
+    levels, moving : what was found of the channels, and of the motion by one of them, until samples
+        are taken out
     usual_interval : the same of the interval between samples, 0 until it is asked for [s]
     """
 
@@ -147,7 +170,9 @@ class Samples(msgspec.Struct):
 
     @property
     def smoothing(self) -> float:
-        """Width over which detection smooths a velocity: the time in which the machine does something else. [s]"""
+        """Width over which detection smooths a velocity: the time in which the machine does
+        something else. [s]
+        """
         return self.rig.thresholds.smoothing
 
     @property
@@ -171,18 +196,34 @@ class Samples(msgspec.Struct):
         return name == "velocity" and "displacement" in self.channels
 
     def stages(self) -> list[tuple[str, ...]]:
-        """Channels of each product of which the powers of the stages are sums, in the direction in which power flows."""
+        """Channels of each product of which the powers of the stages are sums, in the direction
+        in which power flows.
+        """
         powers = (stage.power(self.channels, self.rig.r_drum) for stage in self.rig.cascade.stages)
-        return [term.channels for power in powers if power is not None for term in power.terms if term.channels]
+        return [
+            term.channels
+            for power in powers
+            if power is not None
+            for term in power.terms
+            if term.channels
+        ]
 
     def motion(self) -> Directions:
-        """Direction of the line, or the shaft of a bench without one, (n,): 1, -1, 0 at rest; 1 if it is unknown."""
-        for name, onset in (("velocity", self.rig.thresholds.v_onset), ("speed", self.rig.phases.omega_onset)):
+        """Direction of the line, or the shaft of a bench without one, (n,): 1, -1, 0 at rest; 1
+        if it is unknown.
+        """
+        for name, onset in (
+            ("velocity", self.rig.thresholds.v_onset),
+            ("speed", self.rig.phases.omega_onset),
+        ):
             x = self.channels.get(name)
             if x is not None and (np.isfinite(x[0]) or np.isfinite(x).any()):
                 if self.moving is None or self.moving[0] is not x:
                     bridged = whole(self.t, x)
-                    self.moving = x, (bridged > onset).astype(np.int8) - (bridged < -onset).astype(np.int8)
+                    self.moving = (
+                        x,
+                        (bridged > onset).astype(np.int8) - (bridged < -onset).astype(np.int8),
+                    )
                 return self.moving[1]
         return np.ones(self.t.size, dtype=np.int8)
 
@@ -190,14 +231,24 @@ class Samples(msgspec.Struct):
         """Mark samples of a channel as lost."""
         at = np.flatnonzero(bad & np.isfinite(self.channels[name]))
         earlier = self.logged.get(name, (at[:0], np.empty(0)))
-        self.logged[name] = np.concatenate((earlier[0], at)), np.concatenate((earlier[1], self.channels[name][at]))
+        self.logged[name] = (
+            np.concatenate((earlier[0], at)),
+            np.concatenate((earlier[1], self.channels[name][at])),
+        )
         self.channels[name][bad] = np.nan
         self.lost[name] = self.lost[name] | bad if name in self.lost else bad
         self.levels.pop(name, None)
         self.moving = None
 
     def report(
-        self, kind: FindingKind, name: str, bad: Mask, what: str, *, removed: bool = True, bridged: int = 0
+        self,
+        kind: FindingKind,
+        name: str,
+        bad: Mask,
+        what: str,
+        *,
+        removed: bool = True,
+        bridged: int = 0,
     ) -> None:
         """Report the samples of a channel where `bad` is set.
 
@@ -212,10 +263,14 @@ class Samples(msgspec.Struct):
         message = f"{count} {name} samples {what}, in {len(places)} place{'s' * (len(places) > 1)}"
         repair = Repair("bridged by straight lines", count, spans) if removed else None
         action = (
-            repair.what if repair else "reported and kept" + f", but for {bridged} bridged as spikes" * (bridged > 0)
+            repair.what
+            if repair
+            else "reported and kept" + f", but for {bridged} bridged as spikes" * (bridged > 0)
         )
         start, end = spans[0][0], spans[-1][1]
-        self.findings.append(Finding(kind, message, action, name, start, end, count, count * removed, repair=repair))
+        self.findings.append(
+            Finding(kind, message, action, name, start, end, count, count * removed, repair=repair)
+        )
 
     def bridge(self) -> dict[str, Signal]:
         """Bridge the holes of all channels, those of the velocity by the displacement.
@@ -232,11 +287,15 @@ class Samples(msgspec.Struct):
                     x = np.where(bad, self.slope(), x)
                 self.channels[name] = x
                 first, after = stretches_of(bad).T
-                gaps[name] = self.t[np.column_stack((np.maximum(first - 1, 0), np.minimum(after, self.t.size - 1)))]
+                gaps[name] = self.t[
+                    np.column_stack((np.maximum(first - 1, 0), np.minimum(after, self.t.size - 1)))
+                ]
         return gaps
 
     def slope(self) -> Signal:
-        """Velocity from the displacement, smoothed so that the steps of the encoder do not show. [m/s]"""
+        """Velocity from the displacement, smoothed so that the steps of the encoder do not show.
+        [m/s]
+        """
         travel = whole(self.t, self.channels["displacement"])
         return np.gradient(local_quadratic(self.t, travel, SLOPE_WIDTH * self.smoothing), self.t)
 
@@ -255,9 +314,13 @@ def text_of(channel: Channel, value: float, digits: int = 5) -> str:
 
 
 def limits_of(sensor: Sensor | None) -> tuple[float, float]:
-    """Limits of a sensor, infinite where none is stated; its zero error may carry a reading below an end at zero."""
+    """Limits of a sensor, infinite where none is stated; its zero error may carry a reading
+    below an end at zero.
+    """
     low, high = (None, None) if sensor is None else (sensor.low, sensor.high)
     top = math.inf if high is None else high
     if sensor is None or low is None:
         return -math.inf, top
-    return low - ((sensor.accuracy_full_scale or 0.0) * top if low == 0 and math.isfinite(top) else 0.0), top
+    return low - (
+        (sensor.accuracy_full_scale or 0.0) * top if low == 0 and math.isfinite(top) else 0.0
+    ), top

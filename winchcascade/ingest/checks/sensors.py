@@ -1,4 +1,6 @@
-"""Channels that their sensors contradict: out of range, saturated, dead or held throughout; and repeated rows."""
+"""Channels that their sensors contradict: out of range, saturated, dead or held throughout; and
+repeated rows.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +17,18 @@ FOLLOW_LINE = frozenset({"displacement", "pressure", "force", "torque", "power_m
 """Channels that must change while the line pays out; a channel of your own may hold its value."""
 
 MAY_HOLD = ("velocity", "speed")
-"""Factors of a power whose largest value need not scatter: a line or a shaft may move at one speed. A machine that is blocked
-takes a current and gives a torque."""
+"""Factors of a power whose largest value need not scatter: a line or a shaft may move at one speed.
+A machine that is blocked takes a current and gives a torque."""
 
 MIN_REPEATS = 20
-"""Fewest samples at the largest value, or rows that equal earlier ones: noise repeats none by chance. [1]"""
+"""Fewest samples at the largest value, or rows that equal earlier ones: noise repeats none by
+chance. [1]
+"""
 
 MAX_ROWS = 1_000_000
-"""Longer logs are not searched for repeated rows: sorting them would take longer than all other checks. [1]"""
+"""Longer logs are not searched for repeated rows: sorting them would take longer than all other
+checks. [1]
+"""
 
 NOISY = 0.3
 """Largest share of the samples of a noisy channel that repeat the one before. [1]"""
@@ -32,7 +38,8 @@ CLEAR = 5.0
 
 
 def out_of_range(log: Samples, name: str, sign: float) -> None:
-    """Report values outside the range of a sensor; they are kept, as clipping or dropping them would hide what happened.
+    """Report values outside the range of a sensor; they are kept, as clipping or dropping them
+    would hide what happened.
 
     Parameters
     ----------
@@ -70,7 +77,9 @@ def saturated(log: Samples, name: str) -> None:
 
 
 def is_noisy(change: Signal) -> bool:
-    """Whether changes from sample to sample are those of a channel with noise above its resolution."""
+    """Whether changes from sample to sample are those of a channel with noise above its
+    resolution.
+    """
     some = change[change != 0]
     if some.size < MIN_REPEATS or some.size < (1.0 - NOISY) * change.size:
         return False
@@ -80,12 +89,17 @@ def is_noisy(change: Signal) -> bool:
 
 
 def is_constant(x: Signal) -> bool:
-    """Whether a channel is one value throughout; most show within a few samples that they are not."""
-    return all(np.ptp(part[np.isfinite(part)]) == 0 for part in (x[:1000], x) if np.isfinite(part).any())
+    """Whether a channel is one value throughout; most show within a few samples that they are
+    not.
+    """
+    return all(
+        np.ptp(part[np.isfinite(part)]) == 0 for part in (x[:1000], x) if np.isfinite(part).any()
+    )
 
 
 def report_constant(log: Samples) -> None:
-    """Report channels that hold one value throughout, and leave out those that must follow the line while it pays out.
+    """Report channels that hold one value throughout, and leave out those that must follow the line
+    while it pays out.
 
     Without a line, others change; a channel of zeros is dead if its stage works.
     """
@@ -93,7 +107,9 @@ def report_constant(log: Samples) -> None:
     pays_out = v is not None and bool(np.any(v > log.rig.thresholds.v_onset))
     used = {name for name in (*FOLLOW_LINE, *log.rig.cascade.channels) if name in log.channels}
     constant = sorted(
-        name for name in used if is_constant(log.channels[name]) and not (log.open_circuit and name == "idc")
+        name
+        for name in used
+        if is_constant(log.channels[name]) and not (log.open_circuit and name == "idc")
     )
     for name in constant:
         value = float(np.nanmax(log.channels[name]))
@@ -101,12 +117,16 @@ def report_constant(log: Samples) -> None:
             leave_out(log, name, "channel left out, metrics that need it are null")
         elif value == 0.0 and _works(log, name):
             action = "reported and kept, so that its energies are zero; check the sensor, and which column is read"
-            _report(log, "dead_channel", name, f"{name} is zero through the whole log while its stage works", action)
+            _report(
+                log,
+                "dead_channel",
+                name,
+                f"{name} is zero through the whole log while its stage works",
+                action,
+            )
         elif value != 0.0 and not log.by_line and len(constant) < len(used):
             channel = log.rig.known_channels[name]
-            what = (
-                f"{name} holds one value, {text_of(channel, value)} {channel.unit}, through the log while others change"
-            )
+            what = f"{name} holds one value, {text_of(channel, value)} {channel.unit}, through the log while others change"
             _report(log, "stuck", name, what, "reported and kept")
 
 
@@ -118,7 +138,9 @@ def leave_out(log: Samples, name: str, action: str) -> None:
     _report(log, "dead_channel" if dead else "stuck", name, what, action, removed=True)
 
 
-def _report(log: Samples, kind: FindingKind, name: str, what: str, action: str, *, removed: bool = False) -> None:
+def _report(
+    log: Samples, kind: FindingKind, name: str, what: str, action: str, *, removed: bool = False
+) -> None:
     """Report a whole channel."""
     ends, n = (float(log.t[0]), float(log.t[-1])), log.t.size
     repair = Repair(action, n, (ends,)) if removed else None
@@ -126,8 +148,9 @@ def _report(log: Samples, kind: FindingKind, name: str, what: str, action: str, 
 
 
 def _works(log: Samples, name: str) -> bool:
-    """Whether the stage of a channel of zeros works: the other channels of its power are there, and so is the power of another
-    stage, where one is known. A motion is dead only if a stage downstream has a power.
+    """Whether the stage of a channel of zeros works: the other channels of its power are there, and
+    so is the power of another stage, where one is known. A motion is dead only if a stage
+    downstream has a power.
     """
     stages = log.stages()
     own = [k for k, stage in enumerate(stages) if name in stage]
@@ -139,39 +162,54 @@ def _works(log: Samples, name: str) -> bool:
         [stage for stage in stages if name not in stage],
         [other for other in stages[own[0]] if other != name],
     )
-    works = all(log.motion().any() if other in MAY_HOLD else np.any(log.channels[other]) for other in beside)
-    return works and (any(_delivers(log, stage) for stage in others) or (not others and bool(beside)))
+    works = all(
+        log.motion().any() if other in MAY_HOLD else np.any(log.channels[other]) for other in beside
+    )
+    return works and (
+        any(_delivers(log, stage) for stage in others) or (not others and bool(beside))
+    )
 
 
 def _delivers(log: Samples, stage: tuple[str, ...]) -> bool:
     """Whether the power of a stage contains more than noise about zero."""
     watts = np.prod([log.channels[name] for name in stage], axis=0)
     watts = watts[np.isfinite(watts)]
-    error = float(np.std(np.diff(watts))) / math.sqrt(2.0 * watts.size) if watts.size > 1 else math.inf
+    error = (
+        float(np.std(np.diff(watts))) / math.sqrt(2.0 * watts.size) if watts.size > 1 else math.inf
+    )
     return abs(float(watts.mean())) > CLEAR * error if watts.size else False
 
 
 def repeated_rows(log: Samples) -> None:
-    """Report stretches of rows that equal earlier ones in all channels; they are kept, as the log does not show which count.
+    """Report stretches of rows that equal earlier ones in all channels; they are kept, as the log
+    does not show which count.
 
-    Only logs with a noisy channel are searched: without noise, equal cycles are equal in every digit. Where the displacement is
-    logged, it jumps back, which the check of the clock reports.
+    Only logs with a noisy channel are searched: without noise, equal cycles are equal in every
+    digit. Where the displacement is logged, it jumps back, which the check of the clock reports.
     """
     channels, n = [*log.channels.values()], log.t.size
     if n > MAX_ROWS or not any(is_noisy(np.diff(x[:ENOUGH])) for x in channels):
         return
     weights = np.random.default_rng(0).uniform(1.0, 2.0, len(channels))
-    key = sum(w * x for w, x in zip(weights, channels, strict=True))  # equal rows have equal sums, others almost never
+    key = sum(
+        w * x for w, x in zip(weights, channels, strict=True)
+    )  # equal rows have equal sums, others almost never
     order = np.argsort(key, kind="stable")
     same = np.flatnonzero(key[order[1:]] == key[order[:-1]])
     later = np.zeros(n, dtype=np.intp)  # by how many rows the earlier one of a pair lies before
     later[order[same + 1]] = order[same + 1] - order[same]
     twice: Mask = np.zeros(n, dtype=bool)
     for a, b in pairwise(np.flatnonzero(np.diff(later, prepend=0, append=0)).tolist()):
-        changes = any(2 * np.count_nonzero(np.diff(x[a:b])) > b - a for x in channels)  # rests may repeat
+        changes = any(
+            2 * np.count_nonzero(np.diff(x[a:b])) > b - a for x in channels
+        )  # rests may repeat
         twice[a:b] = later[a] > 1 and b - a >= MIN_REPEATS and changes
     if twice.any():
         rows = np.flatnonzero(twice)
         what = f"{rows.size} rows equal earlier ones in every channel: they were written twice; check how the file was made"
         start, end = log.t[rows[[0, -1]]].tolist()
-        log.findings.append(Finding("repeated_rows", what, "reported and kept", start=start, end=end, count=rows.size))
+        log.findings.append(
+            Finding(
+                "repeated_rows", what, "reported and kept", start=start, end=end, count=rows.size
+            )
+        )

@@ -1,4 +1,6 @@
-"""Signs: payout is positive, whatever a log was written with; physics decides, not the first sample."""
+"""Signs: payout is positive, whatever a log was written with; physics decides, not the first
+sample.
+"""
 
 from __future__ import annotations
 
@@ -17,20 +19,28 @@ POSITIVE = ("force", "torque", "power_mech", "vdc", "idc", "speed")
 """Channels that are positive in payout."""
 
 ABOVE_NOISE = 2.0
-"""Standard deviations of its noise that the median of a channel must exceed to show its sign: hundreds of samples count. [1]"""
+"""Standard deviations of its noise that the median of a channel must exceed to show its sign:
+hundreds of samples count. [1]
+"""
 
 VACUUM = -1.05e5
 """No gauge pressure lies below it. [Pa]"""
 
 ONE_SIDED = 0.1
-"""A velocity is without a sign if it goes no farther than this share of its top to the other side of zero. [1]"""
+"""A velocity is without a sign if it goes no farther than this share of its top to the other
+side of zero. [1]
+"""
 
 FOLLOWS = 0.2
-"""A speed without a sign agrees with that of the displacement within this share, in four of five blocks. [1]"""
+"""A speed without a sign agrees with that of the displacement within this share, in four of five
+blocks. [1]
+"""
 
 
 def correct_signs(log: Samples) -> dict[str, float]:
-    """Correct the sign of channels that are logged with the opposite one, and report them; -1 for each."""
+    """Correct the sign of channels that are logged with the opposite one, and report them; -1
+    for each.
+    """
     flipped = opposite_signs(log)
     for name, why in flipped.items():
         log.channels[name] = -log.channels[name]
@@ -41,8 +51,9 @@ def correct_signs(log: Samples) -> dict[str, float]:
 def opposite_signs(log: Samples) -> dict[str, str]:
     """Channels that are logged with the opposite sign, each with the reason.
 
-    Line tension, torque and voltage are larger in payout, and the pressure rises with it: the majority of them decides the
-    sign of the velocity. The displacement follows the velocity; forces, torques and powers are positive in payout.
+    Line tension, torque and voltage are larger in payout, and the pressure rises with it: the
+    majority of them decides the sign of the velocity. The displacement follows the velocity;
+    forces, torques and powers are positive in payout.
     """
     channels = log.channels
     if "velocity" not in channels:
@@ -56,7 +67,9 @@ def opposite_signs(log: Samples) -> dict[str, str]:
     votes = _follows(some["pressure"], v) if "pressure" in some else 0
     ways = _fast(v), _fast(-v)
     for name in ("force", "torque", "vdc"):
-        if name in some and (name != "force" or all(way.any() for way in ways)):  # idle, it is not without tension
+        if name in some and (
+            name != "force" or all(way.any() for way in ways)
+        ):  # idle, it is not without tension
             out, back = (median(np.abs(some[name][way])) if way.any() else 0.0 for way in ways)
             if max(out, back) > _idle(log, name):
                 votes += int(out > LARGER * back) - int(back > LARGER * out)
@@ -73,8 +86,8 @@ def opposite_signs(log: Samples) -> dict[str, str]:
 
 
 def _idle(log: Samples, name: str) -> float:
-    """What a channel must exceed to show its sign: zero and noise of its sensor; infinite for one of noise alone about a zero
-    that is not stated. [SI unit of the channel]
+    """What a channel must exceed to show its sign: zero and noise of its sensor; infinite for one
+    of noise alone about a zero that is not stated. [SI unit of the channel]
     """
     level, zero = log.level(name), CERTAIN * part_uncertainty(log.rig.sensors.get(name), "zero")
     drives = log.rig.thresholds.tau_engaged if name == "torque" else 0.0
@@ -87,7 +100,9 @@ def _fast(v: Signal) -> Mask:
 
 
 def _follows(x: Signal, v: Signal) -> int:
-    """Sign of how a channel changes with the velocity, 0 if that could be noise: less than four standard deviations."""
+    """Sign of how a channel changes with the velocity, 0 if that could be noise: less than four
+    standard deviations.
+    """
     change = np.diff(x)
     together = float(np.dot(change, v[1:]))
     by_chance = float(np.linalg.norm(change) * np.linalg.norm(v)) / np.sqrt(v.size)
@@ -111,12 +126,17 @@ def directed(log: Samples) -> Signal:
 
 
 def is_without_sign(log: Samples, v_onset: float, stroke_min: float) -> bool:
-    """Whether the velocity is a speed: of one sign, however the displacement goes, and as fast both ways."""
+    """Whether the velocity is a speed: of one sign, however the displacement goes, and as fast
+    both ways.
+    """
     low, high = ends_of(log.channels["velocity"])
     if low < 0.0 < high and min(-low, high) > ONE_SIDED * max(-low, high):
         return False
     seconds, v, by_displacement = mean_speeds(log, v_onset)
-    fast, slow = np.abs(by_displacement) > MOVING * v_onset, np.abs(v[np.abs(by_displacement) < v_onset])
+    fast, slow = (
+        np.abs(by_displacement) > MOVING * v_onset,
+        np.abs(v[np.abs(by_displacement) < v_onset]),
+    )
     if np.count_nonzero(fast) < 2 * MIN_BLOCKS or (slow.size and median(slow) > MOVING * v_onset):
         return False
     ratio = np.abs(v / np.where(fast, by_displacement, np.inf))

@@ -17,8 +17,8 @@ NEARBY = 12
 """Number of samples on either side of an event that show what a channel does without it. [1]"""
 
 OUTRUNS = 5.0
-"""Smallest jump of a channel that follows the line, over what the velocity gives with the mean slope
-of the channel along the stroke: a gas is stiffer at its end. [1]"""
+"""Smallest jump of a channel that follows the line, over what the velocity gives with the mean
+slope of the channel along the stroke: a gas is stiffer at its end. [1]"""
 
 APART = 2.0
 """Smallest change at an event, over the upper quartile of such changes nearby, by which a channel

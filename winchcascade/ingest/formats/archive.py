@@ -1,4 +1,6 @@
-"""Zip archives and gzip files: the one log inside is unpacked into a folder and read as what its content shows."""
+"""Zip archives and gzip files: the one log inside is unpacked into a folder and read as what its
+content shows.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,8 @@ _ASIDE = re.compile(
 
 
 def unpack(path: Path, table: str | None, folder: Path) -> tuple[Path, str | None]:
-    """Unpack the log of a zip archive or a gzip file into a folder; no name of the archive leads out of it.
+    """Unpack the log of a zip archive or a gzip file into a folder; no name of the archive leads
+    out of it.
 
     Parameters
     ----------
@@ -48,7 +51,9 @@ def unpack(path: Path, table: str | None, folder: Path) -> tuple[Path, str | Non
         damage_reported(path, "archive", "copy it again or unpack the log"),
         _member(path, table) as (name, stream, inner),
     ):
-        log = folder / (_NO_LETTER.sub("_", re.split(r"[/\\]", name)[-1])[-80:].strip(". ") or "log")
+        log = folder / (
+            _NO_LETTER.sub("_", re.split(r"[/\\]", name)[-1])[-80:].strip(". ") or "log"
+        )
         with log.open("xb") as file:
             while block := stream.read(_UNPACKED_BYTES):
                 require_unpacked(path, file.tell() + len(block))
@@ -67,14 +72,28 @@ def _member(path: Path, table: str | None) -> Iterator[tuple[str, IO[bytes], str
         return
     with zipfile.ZipFile(path) as archive:
         if len(archive.filelist) > MEMBERS_MAX:
-            raise LogError(f"{path.name}: holds {len(archive.filelist)} members; expected one log; unpack the log.")
-        files = [info.filename for info in archive.infolist() if not info.is_dir() and not _ASIDE.search(info.filename)]
+            raise LogError(
+                f"{path.name}: holds {len(archive.filelist)} members; expected one log; unpack "
+                f"the log."
+            )
+        files = [
+            info.filename
+            for info in archive.infolist()
+            if not info.is_dir() and not _ASIDE.search(info.filename)
+        ]
         # Of several files those with an ending of logs.
-        logs = [name for name in files if PurePosixPath(name).suffix.lstrip(".").lower() in LOG_ENDINGS] or files
+        logs = [
+            name for name in files if PurePosixPath(name).suffix.lstrip(".").lower() in LOG_ENDINGS
+        ] or files
         if not logs:
-            raise LogError(f"{path.name}: holds no file that could be a log; expected one log; add it or unpack it.")
+            raise LogError(
+                f"{path.name}: holds no file that could be a log; expected one log; add it or "
+                f"unpack it."
+            )
         name = choose(logs, table if len(logs) > 1 else None, path.name, "file")
         if archive.getinfo(name).flag_bits & 1:
-            raise LogError(f"{path.name}: {name} is encrypted; expected a log without a password; unpack it.")
+            raise LogError(
+                f"{path.name}: {name} is encrypted; expected a log without a password; unpack it."
+            )
         with archive.open(name) as member:
             yield name, member, table if len(logs) == 1 else None

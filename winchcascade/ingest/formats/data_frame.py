@@ -17,12 +17,17 @@ if TYPE_CHECKING:
 
 
 def open_frame(
-    frame: pd.DataFrame, *, where: str, units: Mapping[str, str] | None = None, table: str | None = None
+    frame: pd.DataFrame,
+    *,
+    where: str,
+    units: Mapping[str, str] | None = None,
+    table: str | None = None,
 ) -> LogSource:
-    """Open the columns of a frame, and its index where that holds dates, durations or fractions of numbers.
+    """Open the columns of a frame, and its index where that holds dates, durations or fractions of
+    numbers.
 
-    A column of a MultiIndex of two levels is a name with its unit. `frame.attrs` are the properties of the log, such as
-    `load_ohm`. The frame is never changed.
+    A column of a MultiIndex of two levels is a name with its unit. `frame.attrs` are the properties
+    of the log, such as `load_ohm`. The frame is never changed.
 
     Parameters
     ----------
@@ -40,7 +45,8 @@ def open_frame(
         reject_sheet(table, where)
     if not isinstance(frame, pd.DataFrame):
         raise LogError(
-            f"{where}: is a {type(frame).__name__}; expected the path of a log or a pandas DataFrame with one column for each "
+            f"{where}: is a {type(frame).__name__}; expected the path of a log or a pandas "
+            f"DataFrame with one column for each "
             "channel. Make a DataFrame of it, as by its to_pandas() or pandas.DataFrame(...)."
         )
     headers = [_header(name, units) for name in frame.columns]
@@ -53,7 +59,8 @@ def open_frame(
     if missing:
         known = ", ".join(repr(header.name) for header in headers)
         raise LogError(
-            f"{where}: units has {', '.join(map(repr, missing))}, but the frame has no such column; expected some of {known}."
+            f"{where}: units has {', '.join(map(repr, missing))}, but the frame has no such "
+            f"column; expected some of {known}."
         )
     stated = {
         str(key): value if isinstance(value, str) else float(value)
@@ -64,12 +71,16 @@ def open_frame(
 
 
 def frame_digest(frame: pd.DataFrame) -> str:
-    """SHA-256 of the names and values of a frame in hexadecimal, by which diagnoses recognise one log in two runs."""
+    """SHA-256 of the names and values of a frame in hexadecimal, by which diagnoses recognise
+    one log in two runs.
+    """
     import pandas as pd
 
     digest = hashlib.sha256(repr([str(name) for name in frame.columns]).encode())
     has_objects = any(kind.kind == "O" for kind in frame.dtypes)  # some of which have no digest
-    digest.update(pd.util.hash_pandas_object(frame.astype(str) if has_objects else frame).to_numpy().tobytes())
+    digest.update(
+        pd.util.hash_pandas_object(frame.astype(str) if has_objects else frame).to_numpy().tobytes()
+    )
     return digest.hexdigest()
 
 
@@ -84,7 +95,9 @@ def _header(name: Hashable, units: Mapping[str, str]) -> Header:
 
 
 def _clock_name(index: pd.Index[Any], units: Mapping[str, str]) -> str | None:
-    """Name of the clock that an index is, empty for one without a name that logs use; None where it only counts rows."""
+    """Name of the clock that an index is, empty for one without a name that logs use; None where
+    it only counts rows.
+    """
     name = "" if index.name is None else str(index.name)
     if name and (name in units or recognise(Header(name)) == "time"):
         return name
@@ -97,5 +110,8 @@ def _column(column: pd.Series[Any]) -> pa.ChunkedArray:
         found = pa.array(column, from_pandas=True)
     except (pa.ArrowInvalid, pa.ArrowTypeError, pa.ArrowNotImplementedError):
         lost = column.isna().to_list()
-        found = pa.array([None if gone else str(value) for value, gone in zip(column, lost, strict=True)], pa.string())
+        found = pa.array(
+            [None if gone else str(value) for value, gone in zip(column, lost, strict=True)],
+            pa.string(),
+        )
     return found if isinstance(found, pa.ChunkedArray) else pa.chunked_array([found])

@@ -44,7 +44,9 @@ _EXPORTS = {
 
 
 class _Leaf(NamedTuple):
-    """A vector of numbers or texts, or a column of a matrix; its place are the names of structs and matrix with points."""
+    """A vector of numbers or texts, or a column of a matrix; its place are the names of structs
+    and matrix with points.
+    """
 
     place: str
     name: str
@@ -73,7 +75,9 @@ def read_mat(path: Path, *, table: str | None = None) -> pa.Table:
     is_hdf5 = start.startswith((_HDF5, b"MATLAB 7.3 MAT-file")) or start.endswith(_HDF5)
     objects: dict[str, str] = {}
     with damage_reported(path, "MATLAB file", "copy or save it again"):
-        scopes = dict(_scopes("", _with_signals((_read_73 if is_hdf5 else _read_72)(path, objects))))
+        scopes = dict(
+            _scopes("", _with_signals((_read_73 if is_hdf5 else _read_72)(path, objects)))
+        )
         leaves = [leaf for place, nodes in scopes.items() for leaf in _leaves(place, nodes)]
     runs = _runs(leaves)
     name = choose(list(runs), table, path.name, "run") if len(runs) > 1 else None
@@ -87,12 +91,16 @@ def read_mat(path: Path, *, table: str | None = None) -> pa.Table:
         raise LogError(_export(path.name, objects))
     if not any(isinstance(column, np.ndarray) for column in columns.values()):
         raise LogError(
-            f"{path.name}: none of the {len(scopes[''])} variables is a vector of numbers; vectors of one length, a "
-            "struct of them or a matrix with a cell array of names was expected; save the channels so, or export them as CSV."
+            f"{path.name}: none of the {len(scopes[''])} variables is a vector of numbers; "
+            f"vectors of one length, a "
+            "struct of them or a matrix with a cell array of names was expected; save the "
+            "channels so, or export them as CSV."
         )
     units = _units(scopes.values(), list(columns))
     named = [nodes for place, nodes in scopes.items() if not place.casefold().endswith(UNITS)]
-    stated = {key: node for nodes in reversed(named) for key, node in nodes.items()}  # those of the top level win
+    stated = {
+        key: node for nodes in reversed(named) for key, node in nodes.items()
+    }  # those of the top level win
     properties = {key: node for key, node in stated.items() if isinstance(node, float | str)}
     steps = [
         1.0 / value if key.casefold() in RATES else value
@@ -125,7 +133,9 @@ def _read_72(path: Path, objects: dict[str, str]) -> dict[str, Node]:
     for value in variables.values():
         if isinstance(value, MatlabOpaque):
             objects[_decoded(value[0]["s0"])] = _decoded(value[0]["s2"])
-    return _nodes((name, _node_72(value)) for name, value in variables.items() if not name.startswith("__"))
+    return _nodes(
+        (name, _node_72(value)) for name, value in variables.items() if not name.startswith("__")
+    )
 
 
 def _decoded(name: object) -> str:
@@ -138,13 +148,18 @@ def _nodes(pairs: Iterable[tuple[Any, Node | None]]) -> dict[str, Node]:
 
 
 def _node_72(value: Any) -> Node | None:
-    """Translate a variable that scipy has read; None for what no log is made of (sparse, complex, objects)."""
+    """Translate a variable that scipy has read; None for what no log is made of (sparse,
+    complex, objects).
+    """
     if isinstance(value, str):
         return str(value)
     if isinstance(value, dict):
         return _nodes((name, _node_72(item)) for name, item in value.items())
     if isinstance(value, list):
-        return ["" if node is None or (isinstance(node, list) and not node) else node for node in map(_node_72, value)]
+        return [
+            "" if node is None or (isinstance(node, list) and not node) else node
+            for node in map(_node_72, value)
+        ]
     array = np.asarray(value)
     if array.dtype.kind in "OU" and array.ndim == 1:
         return _node_72(array.tolist())
@@ -152,7 +167,9 @@ def _node_72(value: Any) -> Node | None:
 
 
 def _numbers(array: Any) -> Node | None:
-    """Squeeze an array to a number, a vector or a matrix; None for one that is empty or not real."""
+    """Squeeze an array to a number, a vector or a matrix; None for one that is empty or not
+    real.
+    """
     if array.dtype.kind not in "biuf" or array.size == 0:
         return None
     squeezed: Signal = np.asarray(array.squeeze(), dtype=np.float64)
@@ -160,12 +177,15 @@ def _numbers(array: Any) -> Node | None:
 
 
 def _read_73(path: Path, objects: dict[str, str]) -> dict[str, Node]:
-    """Read MATLAB v7.3, which is HDF5; `objects` receives the class of each variable that is an object."""
+    """Read MATLAB v7.3, which is HDF5; `objects` receives the class of each variable that is an
+    object.
+    """
     try:
         import h5py
     except ImportError as fault:
         raise LogError(
-            f"{path.name}: a MATLAB v7.3 file was found, which takes h5py to read; h5py is not installed; run "
+            f"{path.name}: a MATLAB v7.3 file was found, which takes h5py to read; h5py is not "
+            f"installed; run "
             f"{installation('h5py')} or save the file with `save -v7`."
         ) from fault
     with h5py.File(path, "r") as file:
@@ -179,46 +199,75 @@ def _read_73(path: Path, objects: dict[str, str]) -> dict[str, Node]:
 
 def _nodes_73(path: Path, file: Any, group: Any, depth: int) -> dict[str, Node]:
     """Read a struct; `#refs#` and `#subsystem#` are MATLAB's own."""
-    return _nodes((name, _node_73(path, file, group[name], depth + 1)) for name in group if not name.startswith("#"))
+    return _nodes(
+        (name, _node_73(path, file, group[name], depth + 1))
+        for name in group
+        if not name.startswith("#")
+    )
 
 
 def _node_73(path: Path, file: Any, item: Any, depth: int) -> Node | None:
-    """Read one variable; HDF5 holds the dimensions in the reverse order, and characters as UTF-16, one text in a row."""
+    """Read one variable; HDF5 holds the dimensions in the reverse order, and characters as
+    UTF-16, one text in a row.
+    """
     if depth > DEPTH_MAX:
         return None
     if not hasattr(item, "dtype"):
         return _nodes_73(path, file, item, depth)
-    if item.size is None or item.attrs.get("MATLAB_empty", 0) or "MATLAB_object_decode" in item.attrs:
+    if (
+        item.size is None
+        or item.attrs.get("MATLAB_empty", 0)
+        or "MATLAB_object_decode" in item.attrs
+    ):
         return None
     require_numbers(path, item.size)
     if "ref" in (item.dtype.metadata or {}):  # a cell array
-        cells = (_node_73(path, file, file[reference], depth + 1) for reference in np.asarray(item).T.ravel())
+        cells = (
+            _node_73(path, file, file[reference], depth + 1)
+            for reference in np.asarray(item).T.ravel()
+        )
         return ["" if cell is None else cell for cell in cells]
     array = np.asarray(item).T
     if item.attrs.get("MATLAB_class") != b"char":
         return _numbers(array)
-    rows = [row.astype("<u2").tobytes().decode("utf-16-le", "replace").rstrip() for row in np.atleast_2d(array)]
+    rows = [
+        row.astype("<u2").tobytes().decode("utf-16-le", "replace").rstrip()
+        for row in np.atleast_2d(array)
+    ]
     return rows[0] if len(rows) == 1 else [*rows]
 
 
 def _with_signals(tree: Mapping[str, Node]) -> dict[str, Node]:
-    """The tree with the signals of Simulink, and with time and data of time series saved as structs, as named vectors.
+    """The tree with the signals of Simulink, and with time and data of time series saved as
+    structs, as named vectors.
 
     Each element of an array of structs is a struct of its own, counted from 1 as in MATLAB.
     """
     whole: dict[str, Node] = {}
     for name, node in tree.items():
-        parts = {key.casefold(): item for key, item in node.items()} if isinstance(node, dict) else {}
+        parts = (
+            {key.casefold(): item for key, item in node.items()} if isinstance(node, dict) else {}
+        )
         signals, time, data = parts.get("signals"), parts.get("time"), parts.get("data")
-        structs = [item for item in (signals if isinstance(signals, list) else [signals]) if isinstance(item, dict)]
+        structs = [
+            item
+            for item in (signals if isinstance(signals, list) else [signals])
+            if isinstance(item, dict)
+        ]
         if isinstance(time, np.ndarray) and structs:
             labelled: dict[str, Node] = {"time": time}
-            labelled |= {str(item.get("label") or name): item["values"] for item in structs if "values" in item}
+            labelled |= {
+                str(item.get("label") or name): item["values"]
+                for item in structs
+                if "values" in item
+            }
             whole[name] = labelled
         elif isinstance(time, np.ndarray) and isinstance(data, np.ndarray) and data.ndim == 1:
             whole |= {"time": whole.get("time", time), name: data}
         elif isinstance(node, list) and any(isinstance(item, dict) for item in node):
-            whole |= {f"{name}({k})": item for k, item in enumerate(node, 1) if isinstance(item, dict)}
+            whole |= {
+                f"{name}({k})": item for k, item in enumerate(node, 1) if isinstance(item, dict)
+            }
         else:
             whole[name] = node
     return whole
@@ -239,18 +288,25 @@ def _named(nodes: Mapping[str, Node], keys: Sequence[str]) -> Iterator[Node]:
 
 def _texts(node: Node) -> list[str]:
     """Take a list of texts; nothing for any other node."""
-    texts = [item.strip() for item in node if isinstance(item, str)] if isinstance(node, list) else []
+    texts = (
+        [item.strip() for item in node if isinstance(item, str)] if isinstance(node, list) else []
+    )
     return texts if isinstance(node, list) and len(texts) == len(node) else []
 
 
 def _leaves(place: str, nodes: Mapping[str, Node]) -> Iterator[_Leaf]:
-    """Yield vectors, lists of texts, and the columns of matrices that a list names; their rows where only these fit."""
+    """Yield vectors, lists of texts, and the columns of matrices that a list names; their rows
+    where only these fit.
+    """
     names = next(filter(None, map(_texts, _named(nodes, NAMES))), [])
     for name, node in nodes.items():
         if isinstance(node, np.ndarray) and node.ndim == 2 and len(names) in node.shape:
             rows = node.T if node.shape[1] == len(names) else node
             matrix = f"{place}.{name}".strip(".")
-            yield from (_Leaf(matrix, key, np.ascontiguousarray(row)) for key, row in zip(names, rows, strict=True))
+            yield from (
+                _Leaf(matrix, key, np.ascontiguousarray(row))
+                for key, row in zip(names, rows, strict=True)
+            )
         elif isinstance(node, np.ndarray) and node.ndim == 1:
             yield _Leaf(place, name, node)
         elif name.casefold() not in (*NAMES, *UNITS) and (texts := _texts(node)):
@@ -258,7 +314,9 @@ def _leaves(place: str, nodes: Mapping[str, Node]) -> Iterator[_Leaf]:
 
 
 def _runs(leaves: Sequence[_Leaf]) -> dict[str, tuple[str, int]]:
-    """Place and number of rows of each run, by its name: those that hold the velocity, or else the displacement."""
+    """Place and number of rows of each run, by its name: those that hold the velocity, or else
+    the displacement.
+    """
     runs = [
         {leaf.run: leaf.name for leaf in reversed(leaves) if recognise(Header(leaf.name)) == motion}
         for motion in ("velocity", "displacement")
@@ -272,18 +330,25 @@ def _runs(leaves: Sequence[_Leaf]) -> dict[str, tuple[str, int]]:
 
 
 def _columns(leaves: Sequence[_Leaf], run: tuple[str, int] | None) -> dict[str, Signal | list[str]]:
-    """Take the columns as long as those of the run, or as most vectors; their place comes before names that stand twice."""
+    """Take the columns as long as those of the run, or as most vectors; their place comes before
+    names that stand twice.
+    """
     counts = Counter(len(leaf.column) for leaf in leaves if isinstance(leaf.column, np.ndarray))
     rows = run[1] if run is not None else max(counts, key=lambda n: (counts[n], n), default=0)
     kept = [leaf for leaf in leaves if len(leaf.column) == rows]
     times = Counter(leaf.name for leaf in kept)
     return {
-        f"{leaf.place}.{leaf.name}" if leaf.place and times[leaf.name] > 1 else leaf.name: leaf.column for leaf in kept
+        f"{leaf.place}.{leaf.name}"
+        if leaf.place and times[leaf.name] > 1
+        else leaf.name: leaf.column
+        for leaf in kept
     }
 
 
 def _units(scopes: Iterable[Mapping[str, Node]], columns: Sequence[str]) -> dict[str, str]:
-    """Find the units: a struct with the columns' names, or a list parallel to the names or to the columns."""
+    """Find the units: a struct with the columns' names, or a list parallel to the names or to
+    the columns.
+    """
     units: dict[str, str] = {}
     for nodes in scopes:
         names = next(filter(None, map(_texts, _named(nodes, NAMES))), list(columns))
@@ -301,6 +366,7 @@ def _export(where: str, objects: Mapping[str, str]) -> str:
     usual = "save('run.mat', '-struct', 's') with a struct s of vectors"
     more = f" and {len(objects) - 1} more objects" if len(objects) > 1 else ""
     return (
-        f"{where}: holds {name!r}, a {kind}{more}, which only MATLAB can read; expected vectors of one length or a struct of "
+        f"{where}: holds {name!r}, a {kind}{more}, which only MATLAB can read; expected vectors "
+        f"of one length or a struct of "
         f"them; export it in MATLAB by {_EXPORTS.get(kind, usual).format(name)}."
     )

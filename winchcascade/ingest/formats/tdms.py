@@ -1,4 +1,6 @@
-"""LabVIEW TDMS: the groups and channels that make one log, brought onto the clock of one of them where their clocks differ."""
+"""LabVIEW TDMS: the groups and channels that make one log, brought onto the clock of one of them
+where their clocks differ.
+"""
 
 from __future__ import annotations
 
@@ -39,21 +41,29 @@ CLOCK_SET_MIN = np.datetime64("1904-01-02", "us")
 """A start time before this one was never set: LabVIEW counts from 1904 and writes a zero."""
 
 LENGTH_SHARE_MAX = 0.01
-"""Groups without clocks are one log if their lengths differ by at most this share: loops do not stop together."""
+"""Groups without clocks are one log if their lengths differ by at most this share: loops do not
+stop together.
+"""
 
 WHOLE_SAMPLE_SHARE = 0.01
-"""A shift that is this close to a whole number of samples is one; so is a ratio of intervals to one. [samples]"""
+"""A shift that is this close to a whole number of samples is one; so is a ratio of intervals to
+one. [samples]
+"""
 
 TRIM_REPORTED_MIN = 1 / 40
-"""Longest stretch that may be cut from the ends without a finding, as a share of the log: loops do not stop together. [1]"""
+"""Longest stretch that may be cut from the ends without a finding, as a share of the log: loops
+do not stop together. [1]
+"""
 
 CHANNELS_MAX = 2000
 """Channels of a file; a log has a few dozen, and its groups are compared with each other."""
 
 ENTRIES_MAX = 10_000_000
-"""Objects of all segments together: 28 bytes can repeat all objects of the segment before, and each takes time again.
+"""Objects of all segments together: 28 bytes can repeat all objects of the segment before, and each
+takes time again.
 
-A day of one segment each second, with a hundred channels, has 8.6 million. Ten million are parsed in 2 to 7 s and 0.8 GB.
+A day of one segment each second, with a hundred channels, has 8.6 million. Ten million are parsed
+in 2 to 7 s and 0.8 GB.
 """
 
 NUMERIC, STAMPS = "biuf", "M"
@@ -71,7 +81,9 @@ class Waveform(NamedTuple):
 
 
 class TdmsChannel(NamedTuple):
-    """One channel as its metadata describe it; the clock is None for a channel that is no waveform of numbers."""
+    """One channel as its metadata describe it; the clock is None for a channel that is no
+    waveform of numbers.
+    """
 
     header: Header
     group: str
@@ -81,7 +93,8 @@ class TdmsChannel(NamedTuple):
 
 
 def open_tdms(path: Path, *, table: str | None = None) -> LogSource:
-    """Open the group with the most numeric channels, and those that hold other channels of the same log.
+    """Open the group with the most numeric channels, and those that hold other channels of the same
+    log.
 
     Parameters
     ----------
@@ -89,13 +102,17 @@ def open_tdms(path: Path, *, table: str | None = None) -> LogSource:
 
     Raises
     ------
-    LogError
-        the file is damaged, claims more than it holds, or has no numeric channel, here or while channels are read
+    LogError the file is damaged, claims more than it holds, or has no numeric channel, here or
+        while channels are read
     """
     with _opened(path) as tdms:
         _reject_false_sizes(path, tdms)
         cut_off = tdms.file_status.incomplete_final_segment
-        first = None if table is None else choose([g.name for g in tdms.groups()], table, path.name, "group")
+        first = (
+            None
+            if table is None
+            else choose([g.name for g in tdms.groups()], table, path.name, "group")
+        )
         columns, findings = _one_log(tdms.groups(), cut_off, first, path.name)
         # The properties of groups replace those of the file; those of the first group count most.
         properties = dict(tdms.properties)
@@ -103,12 +120,16 @@ def open_tdms(path: Path, *, table: str | None = None) -> LogSource:
             properties |= tdms[group].properties
     if not any(column.kind in NUMERIC for column in columns):
         raise LogError(
-            f"{path.name}: no group holds a channel of numbers; at least one was expected; export the log again with "
+            f"{path.name}: no group holds a channel of numbers; at least one was expected; export "
+            f"the log again with "
             "its samples."
         )
     if cut_off:
         action = "read up to the last sample that every channel has"
-        findings = (Finding("truncated", "the file breaks off inside its last segment", action), *findings)
+        findings = (
+            Finding("truncated", "the file breaks off inside its last segment", action),
+            *findings,
+        )
     clock = _shared(column.clock for column in columns)
     return LogSource(
         headers=tuple(column.header for column in columns),
@@ -127,8 +148,11 @@ def open_tdms(path: Path, *, table: str | None = None) -> LogSource:
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     """Open the file for as long as its channels are read."""
-    log_manager.set_level(logging.CRITICAL)  # what the parser logs on stderr is reported by findings and errors
-    # A stream, not a path: beside a path the parser would trust an index file that may be an old one.
+    log_manager.set_level(
+        logging.CRITICAL
+    )  # what the parser logs on stderr is reported by findings and errors
+    # A stream, not a path: beside a path the parser would trust an index file that may be an old
+    # one.
     with (
         damage_reported(path, "TDMS file", "copy it again or export it as CSV"),
         _BoundedStream(path) as stream,
@@ -141,7 +165,9 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 class _BoundedStream(io.BufferedReader):
-    """A file of which a read takes no more memory than the file is long, whatever length a damaged text claims."""
+    """A file of which a read takes no more memory than the file is long, whatever length a
+    damaged text claims.
+    """
 
     def __init__(self, path: Path) -> None:
         super().__init__(io.FileIO(path))
@@ -153,7 +179,9 @@ class _BoundedStream(io.BufferedReader):
 
 
 class _CountedReader(TdmsReader):  # type: ignore[misc]
-    """The parser of the metadata, which rejects segments that list more objects than those of a log: LogError."""
+    """The parser of the metadata, which rejects segments that list more objects than those of a
+    log: LogError.
+    """
 
     def __init__(self, stream: BinaryIO, where: str) -> None:
         super().__init__(stream)
@@ -163,27 +191,35 @@ class _CountedReader(TdmsReader):  # type: ignore[misc]
         self.entries += len(segment.ordered_objects)
         if self.entries > ENTRIES_MAX:
             raise LogError(
-                f"{self.where}: {len(self._segments) + 1} segments list {self.entries} objects; at most {ENTRIES_MAX} "
-                "were expected of a log; defragment the file in LabVIEW, or export the channels of the log alone."
+                f"{self.where}: {len(self._segments) + 1} segments list {self.entries} objects; "
+                f"at most {ENTRIES_MAX} "
+                "were expected of a log; defragment the file in LabVIEW, or export the channels "
+                "of the log alone."
             )
         super()._update_object_metadata(segment)
 
 
 def _reject_false_sizes(path: Path, tdms: Any) -> None:
-    """Compare what the channels claim to hold with the size of the file, before anything of that size is made: LogError."""
+    """Compare what the channels claim to hold with the size of the file, before anything of that
+    size is made: LogError.
+    """
     size, status = path.stat().st_size, tdms.file_status
     last = {} if status.incomplete_final_segment else status.channel_statuses or {}
     channels = [channel for group in tdms.groups() for channel in group.channels()]
     if len(channels) > CHANNELS_MAX:
         raise LogError(
-            f"{path.name}: holds {len(channels)} channels; at most {CHANNELS_MAX} were expected; export the channels of the "
+            f"{path.name}: holds {len(channels)} channels; at most {CHANNELS_MAX} were expected; "
+            f"export the channels of the "
             "log alone."
         )
     for channel in channels:
-        claimed = max(len(channel), last[channel.path].expected_length if channel.path in last else 0)
+        claimed = max(
+            len(channel), last[channel.path].expected_length if channel.path in last else 0
+        )
         if claimed * (getattr(channel.data_type, "size", None) or 1) > size:
             raise LogError(
-                f"{path.name}: the channel {' '.join(channel.name.split())!r} claims {claimed} samples; no more than "
+                f"{path.name}: the channel {' '.join(channel.name.split())!r} claims {claimed} "
+                f"samples; no more than "
                 f"the {size} bytes of the file were expected; copy the file again."
             )
 
@@ -191,10 +227,12 @@ def _reject_false_sizes(path: Path, tdms: Any) -> None:
 def _one_log(
     groups: Sequence[Any], cut_off: bool, first: str | None, where: str
 ) -> tuple[list[TdmsChannel], tuple[Finding, ...]]:
-    """Choose the channels that make one log: of the group with the most numeric ones and of those that fit beside it.
+    """Choose the channels that make one log: of the group with the most numeric ones and of those
+    that fit beside it.
 
-    Also given is a finding on the groups that are not read. A group fits if it repeats no name but that of the clock, and
-    can be put beside the first in time. A channel without samples is none, but for one that a file that was cut off has lost.
+    Also given is a finding on the groups that are not read. A group fits if it repeats no name but
+    that of the clock, and can be put beside the first in time. A channel without samples is none,
+    but for one that a file that was cut off has lost.
 
     Parameters
     ----------
@@ -235,30 +273,50 @@ def _obstacle(taken: Sequence[TdmsChannel], channels: Sequence[TdmsChannel]) -> 
     if any(c.header.name in known and recognise(c.header) != "time" for c in channels):
         return "with channels of the same names, another recording"
     first, second = (
-        [c for c in side if c.kind in NUMERIC and recognise(c.header) != "time"] for side in (taken, channels)
+        [c for c in side if c.kind in NUMERIC and recognise(c.header) != "time"]
+        for side in (taken, channels)
     )
-    spans = [[(c.clock.start, c.clock.end(c.length)) for c in side if c.clock] for side in (first, second)]
+    spans = [
+        [(c.clock.start, c.clock.end(c.length)) for c in side if c.clock]
+        for side in (first, second)
+    ]
     if first and second and len(spans[0] + spans[1]) == len(first + second):
-        begins, ends = [min(b for b, _ in span) for span in spans], [max(e for _, e in span) for span in spans]
+        begins, ends = (
+            [min(b for b, _ in span) for span in spans],
+            [max(e for _, e in span) for span in spans],
+        )
         return None if max(begins) <= min(ends) else "sampled at another time"
     rows = sorted(max(c.length for c in side) for side in (taken, channels))
-    return None if rows[1] - rows[0] <= LENGTH_SHARE_MAX * rows[1] else "with neither a clock nor as many rows"
+    return (
+        None
+        if rows[1] - rows[0] <= LENGTH_SHARE_MAX * rows[1]
+        else "with neither a clock nor as many rows"
+    )
 
 
 def describe(channels: Sequence[Any]) -> list[TdmsChannel]:
     """Describe channels, their clocks counted from the earliest start time among them."""
 
     def number(value: Any) -> float:
-        return float(value) if isinstance(value, int | float | np.number) and np.isfinite(value) else 0.0
+        return (
+            float(value)
+            if isinstance(value, int | float | np.number) and np.isfinite(value)
+            else 0.0
+        )
 
     starts = [c.properties.get("wf_start_time") for c in channels]
-    starts = [start if isinstance(start, np.datetime64) and start > CLOCK_SET_MIN else None for start in starts]
+    starts = [
+        start if isinstance(start, np.datetime64) and start > CLOCK_SET_MIN else None
+        for start in starts
+    ]
     earliest = min((start for start in starts if start is not None), default=None)
     described = []
     for c, begun in zip(channels, starts, strict=True):
         step, clock = number(c.properties.get("wf_increment")), None
         if step > 0.0 and c.dtype.kind in NUMERIC:
-            late = 0.0 if begun is None else float((begun - earliest) / np.timedelta64(1, "us")) / 1e6
+            late = (
+                0.0 if begun is None else float((begun - earliest) / np.timedelta64(1, "us")) / 1e6
+            )
             clock = Waveform(step, late + number(c.properties.get("wf_start_offset")))
         header = Header(c.name, first_text(c.properties, UNIT_PROPERTIES))
         described.append(TdmsChannel(header, c.group_name, len(c), c.dtype.kind, clock))
@@ -279,9 +337,11 @@ def _load(
     wanted: Sequence[int],
     time: int | None,
 ) -> LogTable:
-    """Read the wanted channels: on one clock, or row by row where a time channel or nothing has the stamps.
+    """Read the wanted channels: on one clock, or row by row where a time channel or nothing has the
+    stamps.
 
-    The clock is that of most channels or, where their rates differ, of most of the fastest. LogError for an empty channel.
+    The clock is that of most channels or, where their rates differ, of most of the fastest.
+    LogError for an empty channel.
     """
     used = {k: columns[k] for k in (wanted if time is None else [*wanted, time])}
     require_numbers(path, max((c.length for c in used.values()), default=0), len(used))
@@ -290,14 +350,18 @@ def _load(
     empty = [column.header.name for k, column in used.items() if len(raw[k]) == 0]
     if empty:
         raise LogError(
-            f"{path.name}: the channels {', '.join(empty)} have no samples; as many as in the others were "
+            f"{path.name}: the channels {', '.join(empty)} have no samples; as many as in the "
+            f"others were "
             "expected; copy the file again or leave these channels out of the rig file."
         )
     clocks = [clock for k in wanted if (clock := columns[k].clock) is not None]
     fastest = min((clock.step for clock in clocks), default=0.0)
-    reference = _shared(clock for clock in clocks if clock.step <= (1.0 + WHOLE_SAMPLE_SHARE) * fastest)
+    reference = _shared(
+        clock for clock in clocks if clock.step <= (1.0 + WHOLE_SAMPLE_SHARE) * fastest
+    )
     one_clock = all(
-        c.step <= (1.0 + WHOLE_SAMPLE_SHARE) * fastest and c.start - min(o.start for o in clocks) <= fastest
+        c.step <= (1.0 + WHOLE_SAMPLE_SHARE) * fastest
+        and c.start - min(o.start for o in clocks) <= fastest
         for c in clocks
     )
     # A column of stamps belongs to every row, unless it is that of one of several clocks.
@@ -309,8 +373,13 @@ def _load(
     slow = [k for k in wanted if tracks[k].step > (1.0 + WHOLE_SAMPLE_SHARE) * reference.step]
     if slow:
         listed = ", ".join(f"{columns[k].header.name} every {tracks[k].step:g} s" for k in slow)
-        message = f"sampled more slowly than the fastest channel, every {reference.step:g} s: {listed}"
-        cut = (Finding("coarse_sampling", message, "interpolated by straight lines", count=len(slow)), *cut)
+        message = (
+            f"sampled more slowly than the fastest channel, every {reference.step:g} s: {listed}"
+        )
+        cut = (
+            Finding("coarse_sampling", message, "interpolated by straight lines", count=len(slow)),
+            *cut,
+        )
     # These stamps are seconds, whatever the unit of a column of stamps, as `stamped` states.
     stamps = None if reference == usual and t[0] == reference.start else t
     return LogTable(values, stamps, stamped=time is not None, findings=(*findings, *cut))
@@ -319,19 +388,24 @@ def _load(
 def common_stamps(
     path: Path, reference: Waveform, tracks: Sequence[tuple[Waveform, int]]
 ) -> tuple[Signal, tuple[Finding, ...]]:
-    """Find the stamps of the reference clock at which every channel was sampled, and report what lies outside. [s]
+    """Find the stamps of the reference clock at which every channel was sampled, and report what
+    lies outside. [s]
 
     Raises
     ------
     LogError
         there is no such stamp
     """
-    begins, ends = [clock.start for clock, _ in tracks], [clock.end(length) for clock, length in tracks]
+    begins, ends = (
+        [clock.start for clock, _ in tracks],
+        [clock.end(length) for clock, length in tracks],
+    )
     first = np.ceil((max(begins) - reference.start) / reference.step - WHOLE_SAMPLE_SHARE)
     last = np.floor((min(ends) - reference.start) / reference.step + WHOLE_SAMPLE_SHARE)
     if not np.isfinite([*begins, *ends, first, last]).all() or last < first:
         raise LogError(
-            f"{path.name}: one channel begins at {max(begins):g} s and another ends at {min(ends):g} s; channels that overlap "
+            f"{path.name}: one channel begins at {max(begins):g} s and another ends at "
+            f"{min(ends):g} s; channels that overlap "
             "in time were expected; check their wf_start_time, wf_start_offset and wf_increment."
         )
     t = reference.start + reference.step * np.arange(int(first), int(last) + 1, dtype=np.float64)
@@ -346,10 +420,15 @@ def common_stamps(
 
 
 def _at(t: Signal, values: Signal, clock: Waveform, step: float) -> Signal:
-    """Take a channel at stamps of another clock: its own samples where they coincide, else interpolated. [s]"""
+    """Take a channel at stamps of another clock: its own samples where they coincide, else
+    interpolated. [s]
+    """
     shift = (t[0] - clock.start) / clock.step
     whole = round(shift)
-    if abs(shift - whole) <= WHOLE_SAMPLE_SHARE and abs(clock.step - step) * len(t) / step <= WHOLE_SAMPLE_SHARE:
+    if (
+        abs(shift - whole) <= WHOLE_SAMPLE_SHARE
+        and abs(clock.step - step) * len(t) / step <= WHOLE_SAMPLE_SHARE
+    ):
         return values[whole : whole + len(t)]
     return np.interp(t, clock.start + clock.step * np.arange(len(values)), values)
 
@@ -363,10 +442,16 @@ def _by_rows(
     if lost:
         message = f"the channels differ in length: the last {lost} samples are not in every one"
         findings += (Finding("dropped_samples", message, "left out", count=lost, removed=lost),)
-    columns = {k: pa.array(x[:rows] if x.dtype.kind in "OM" else _numbers(x[:rows])) for k, x in raw.items()}
+    columns = {
+        k: pa.array(x[:rows] if x.dtype.kind in "OM" else _numbers(x[:rows]))
+        for k, x in raw.items()
+    }
     return log_table([columns], wanted, time, findings)
 
 
 def _numbers(samples: Any) -> Signal:
     """Convert samples to numbers; NaN for texts, stamps and complex numbers."""
-    return np.asarray(samples if samples.dtype.kind in NUMERIC else np.full(len(samples), np.nan), dtype=np.float64)
+    return np.asarray(
+        samples if samples.dtype.kind in NUMERIC else np.full(len(samples), np.nan),
+        dtype=np.float64,
+    )

@@ -1,1 +1,3 @@
-"""Cross-checks of a reduction that need phases or the rig: load, lags between channels, zeros of sensors, sampling."""
+"""Cross-checks of a reduction that need phases or the rig: load, lags between channels, zeros of
+sensors, sampling.
+"""

@@ -20,19 +20,22 @@ TIME_CONSTANTS = 5.0
 """Number of time constants after which 0.7 % remains, which counts as nothing."""
 
 RUN_DOWN = 5 / 3
-"""Time constant with which the rotor runs down where the rig file lacks its inertia or its drag, in widths that smooth the
-velocity. [1]"""
+"""Time constant with which the rotor runs down where the rig file lacks its inertia or its drag, in
+widths that smooth the velocity. [1]"""
 
 KNOWN = 0.01
 """Standard uncertainty of the frictionless force at rest: gas, piston and pressure sensor. [1]"""
 
 UNSTATED = 0.05
-"""Smallest zero of a torque sensor without a stated accuracy that is reported, as a share of the usual torque; a current that
-is a smaller share of its usual value holds no torque, and a shaft rests below a fifth of it, of its top speed. [1]"""
+"""Smallest zero of a torque sensor without a stated accuracy that is reported, as a share of the
+usual torque; a current that is a smaller share of its usual value holds no torque, and a shaft
+rests below a fifth of it, of its top speed. [1]"""
 
 
 class Rest(NamedTuple):
-    """A rest before a payout or a hold after it, and the end of the motion before it that turned the rotor. [s]"""
+    """A rest before a payout or a hold after it, and the end of the motion before it that turned
+    the rotor. [s]
+    """
 
     begin: float
     end: float
@@ -41,16 +44,26 @@ class Rest(NamedTuple):
 
 
 def rests_of(log: PhasedLog) -> list[Rest]:
-    """Rests before payouts and holds after them, in order of time; a one-way clutch is open in haul-in.
+    """Rests before payouts and holds after them, in order of time; a one-way clutch is open in
+    haul-in.
 
-    Before the first payout the beginning of the log counts as the end of the motion, since the time before it is unknown.
+    Before the first payout the beginning of the log counts as the end of the motion, since the time
+    before it is unknown.
     """
     phased, blur, found = log.phased, 0.5 * log.rig.thresholds.smoothing, []
     for k in phased.chosen():
         cycle, before = phased.cycles[k], phased.cycles[k - 1] if k else None
         if not cycle.begins_inside and (before is None or before.haul_in is not None):
-            begin = float(log.run.t[0]) if before is None or before.haul_in is None else before.haul_in[1]
-            turned = begin if before is None or log.rig.drivetrain.one_way_clutch is False else before.payout_end
+            begin = (
+                float(log.run.t[0])
+                if before is None or before.haul_in is None
+                else before.haul_in[1]
+            )
+            turned = (
+                begin
+                if before is None or log.rig.drivetrain.one_way_clutch is False
+                else before.payout_end
+            )
             found.append(Rest(begin + blur, cycle.onset - blur, False, turned))
         if cycle.hold is not None:
             found.append(Rest(cycle.hold[0] + blur, cycle.hold[1] - blur, True, cycle.payout_end))
@@ -60,12 +73,16 @@ def rests_of(log: PhasedLog) -> list[Rest]:
 def waits_of(log: PhasedLog) -> dict[str, float]:
     """Channels that read nothing at rest, and the time after which they do. [s]
 
-    Vdc and Idc do not in open circuit, where the bleed resistance alone discharges the capacitor over many seconds, nor does
-    the torque of a rig whose file states no one-way clutch.
+    Vdc and Idc do not in open circuit, where the bleed resistance alone discharges the capacitor
+    over many seconds, nor does the torque of a rig whose file states no one-way clutch.
     """
     rig, load, smoothing = log.rig, log.run.load, log.rig.thresholds.smoothing
     inertia, drag, capacity = rig.drivetrain.inertia_rotor, rig.drivetrain.b_rotor, rig.dc_link.c_dc
-    run_down = inertia.value / drag.value if inertia and drag and drag.value > 0.0 else RUN_DOWN * smoothing
+    run_down = (
+        inertia.value / drag.value
+        if inertia and drag and drag.value > 0.0
+        else RUN_DOWN * smoothing
+    )
     waits = {"torque": TIME_CONSTANTS * run_down} if rig.drivetrain.one_way_clutch else {}
     if load is not None and math.isfinite(load):
         both = TIME_CONSTANTS * (run_down + load * (capacity.value if capacity else 0.0))
@@ -74,26 +91,42 @@ def waits_of(log: PhasedLog) -> dict[str, float]:
 
 
 def zeros(log: PhasedLog) -> Iterator[Fault]:
-    """Zeros of torque, Idc and Vdc; else zeros that single holds show, which stepped or drifted within the log.
+    """Zeros of torque, Idc and Vdc; else zeros that single holds show, which stepped or drifted
+    within the log.
 
-    A rest before a payout is not evaluated by itself: a line that tightens loads the shaft before it moves.
+    A rest before a payout is not evaluated by itself: a line that tightens loads the shaft before
+    it moves.
     """
     rests = rests_of(log)
     for channel, wait in waits_of(log).items():
         spans = [(max(rest.begin, rest.last + wait), rest.end) for rest in rests]
         holds = [[span] for span, rest in zip(spans, rests, strict=True) if rest.hold]
         for groups in ([spans], holds):
-            off = [(zero, group) for group in groups if (zero := significant_zero(log, channel, group))]
+            off = [
+                (zero, group) for group in groups if (zero := significant_zero(log, channel, group))
+            ]
             if off:
-                known = {"where": "at rest" if groups[0] is spans else f"in {len(off)} of {len(holds)} holds"}
-                zero, places = max((zero for zero, _ in off), key=abs), [span for _, group in off for span in group]
-                yield Fault("zero", channel, places, {"zero": zero, "limit": log.phased.u_zero(channel), **known})
+                known = {
+                    "where": "at rest"
+                    if groups[0] is spans
+                    else f"in {len(off)} of {len(holds)} holds"
+                }
+                zero, places = (
+                    max((zero for zero, _ in off), key=abs),
+                    [span for _, group in off for span in group],
+                )
+                yield Fault(
+                    "zero",
+                    channel,
+                    places,
+                    {"zero": zero, "limit": log.phased.u_zero(channel), **known},
+                )
                 break
 
 
 def significant_zero(log: PhasedLog, channel: str, spans: list[Span], least: float = 0.0) -> float:
-    """Median of a channel in some spans; 0 where the uncertainties of zero and median explain it, or where neither a zero of
-    the sensor nor a least one is stated. [SI unit of the channel]
+    """Median of a channel in some spans; 0 where the uncertainties of zero and median explain it,
+    or where neither a zero of the sensor nor a least one is stated. [SI unit of the channel]
     """
     read, u_zero = log.samples(channel, spans), log.phased.u_zero(channel)
     least = max(least, CERTAIN * u_zero)
@@ -104,12 +137,17 @@ def significant_zero(log: PhasedLog, channel: str, spans: list[Span], least: flo
 
 
 def bench_zero(log: PhasedLog) -> Iterator[Fault]:
-    """A torque that does not read zero while the shaft of a bench without a line rests and no current flows.
+    """A torque that does not read zero while the shaft of a bench without a line rests and no
+    current flows.
 
-    Where no accuracy of the torque sensor is stated, a zero counts from `UNSTATED` of the usual torque on.
+    Where no accuracy of the torque sensor is stated, a zero counts from `UNSTATED` of the usual
+    torque on.
     """
     run, onset = log.run, log.rig.phases.omega_onset
-    if {"velocity", "force"} & run.channels.keys() or not {"speed", "torque"} <= run.channels.keys():
+    if {"velocity", "force"} & run.channels.keys() or not {
+        "speed",
+        "torque",
+    } <= run.channels.keys():
         return
     omega, blur = np.abs(run.channels["speed"]), 0.5 * log.rig.thresholds.smoothing
     top = largest(omega)
@@ -117,7 +155,10 @@ def bench_zero(log: PhasedLog) -> Iterator[Fault]:
     if still.all():
         return
     current = np.abs(run.channels.get("idc", np.zeros(omega.size)))
-    stretches = [(float(run.t[a]) + blur, float(run.t[b - 1]) - blur) for a, b in stretches_of(still).tolist()]
+    stretches = [
+        (float(run.t[a]) + blur, float(run.t[b - 1]) - blur)
+        for a, b in stretches_of(still).tolist()
+    ]
     held = [(span, current[log.phased.rows(*span)]) for span in stretches]
     spans = [span for span, x in held if x.size and median(x) <= UNSTATED * median(current[~still])]
     stated, torque = log.phased.u_zero("torque"), run.channels["torque"]
@@ -125,20 +166,28 @@ def bench_zero(log: PhasedLog) -> Iterator[Fault]:
     zero = significant_zero(log, "torque", spans, least)
     if zero:
         name = "zero" if stated else "zero_of_unknown_sensor"
-        yield Fault(name, "torque", spans, {"zero": zero, "limit": stated, "where": "while the shaft rests"})
+        yield Fault(
+            name, "torque", spans, {"zero": zero, "limit": stated, "where": "while the shaft rests"}
+        )
 
 
 def force_at_rest(log: PhasedLog) -> Iterator[Fault]:
-    """A line tension at rest that the friction of the screw cannot explain, by its efficiencies forth and back (Table 3), and
-    one that rises or falls from rest to rest while the gas does not: the zero of the force cell drifts.
+    """A line tension at rest that the friction of the screw cannot explain, by its efficiencies
+    forth and back (Table 3), and one that rises or falls from rest to rest while the gas does not:
+    the zero of the force cell drifts.
 
-    Rests after haul-ins and holds after payouts have their own friction: each is divided by the force that holds the gas
-    without friction (Sec. 2.1.2), and a line over the time is fitted to both. They scatter at least by the zero.
+    Rests after haul-ins and holds after payouts have their own friction: each is divided by the
+    force that holds the gas without friction (Sec. 2.1.2), and a line over the time is fitted to
+    both. They scatter at least by the zero.
     """
     part, held = log.rig.restoring, forces_at_rest(log)
     u_zero, spans = log.phased.u_zero("force"), [(rest.begin, rest.end) for rest, _, _ in held]
     if part.lead_angle and part.half_angle and part.mu_screw and held:
-        tangent, flank, mu = math.tan(part.lead_angle.value), math.cos(part.half_angle.value), part.mu_screw.value
+        tangent, flank, mu = (
+            math.tan(part.lead_angle.value),
+            math.cos(part.half_angle.value),
+            part.mu_screw.value,
+        )
         lowest = max((flank - mu / tangent) / (flank + mu * tangent), 0.0)
         highest = (flank + mu / tangent) / (flank - mu * tangent)
         rows = []
@@ -151,38 +200,61 @@ def force_at_rest(log: PhasedLog) -> Iterator[Fault]:
             yield Fault("force_at_rest", "force", spans, {"force": force, "low": low, "high": high})
     held = [row for row in held if row[0].hold or row[0].begin > log.phased.cycles[0].onset]
     kinds = np.array(
-        [(not rest.hold, rest.hold, 0.5 * (rest.begin + rest.end)) for rest, _, _ in held], dtype=np.float64
+        [(not rest.hold, rest.hold, 0.5 * (rest.begin + rest.end)) for rest, _, _ in held],
+        dtype=np.float64,
     )
     if len(held) < 3:
         return
     forces, balances = np.array([(force, balanced) for _, force, balanced in held]).T
-    usual = kinds[:, :2] @ [median(balances[kinds[:, k] > 0.0]) if kinds[:, k].any() else 0.0 for k in range(2)]
+    usual = kinds[:, :2] @ [
+        median(balances[kinds[:, k] > 0.0]) if kinds[:, k].any() else 0.0 for k in range(2)
+    ]
     kinds[:, 2] = (kinds[:, 2] - log.run.t[0]) / (log.run.t[-1] - log.run.t[0])
     kinds = kinds[:, kinds.any(axis=0)]
     weight, *_ = np.linalg.lstsq(kinds, forces * usual / balances)
     residual = forces * usual / balances - kinds @ weight
-    scatter = math.hypot(u_zero, float(np.linalg.norm(residual)) / math.sqrt(max(forces.size - 3, 1)))
+    scatter = math.hypot(
+        u_zero, float(np.linalg.norm(residual)) / math.sqrt(max(forces.size - 3, 1))
+    )
     u = scatter * math.sqrt(np.linalg.pinv(kinds.T @ kinds)[-1, -1])
     if abs(weight[-1]) > CERTAIN * max(u_zero, u):
         yield Fault(
-            "force_drift", "force", [(rest.begin, rest.end) for rest, _, _ in held], {"over": float(weight[-1])}
+            "force_drift",
+            "force",
+            [(rest.begin, rest.end) for rest, _, _ in held],
+            {"over": float(weight[-1])},
         )
 
 
 def forces_at_rest(log: PhasedLog) -> list[tuple[Rest, float, float]]:
-    """Rests with the median line tension, and with the one that holds the gas without friction. [N]"""
+    """Rests with the median line tension, and with the one that holds the gas without friction.
+    [N]
+    """
     part, radius, found = log.rig.restoring, log.rig.r_drum, []
-    if radius is None or part.lead is None or part.area_piston is None or not log.phased.u_zero("force"):
+    if (
+        radius is None
+        or part.lead is None
+        or part.area_piston is None
+        or not log.phased.u_zero("force")
+    ):
         return []
-    per_travel = part.area_piston.value * part.lead.value / (2.0 * math.pi * radius)  # of gas; force per pressure
+    per_travel = (
+        part.area_piston.value * part.lead.value / (2.0 * math.pi * radius)
+    )  # of gas; force per pressure
     for rest in rests_of(log):
-        force, gauge, paid = (log.samples(name, [rest[:2]]) for name in ("force", "pressure", "displacement"))
+        force, gauge, paid = (
+            log.samples(name, [rest[:2]]) for name in ("force", "pressure", "displacement")
+        )
         balanced = 0.0
         if gauge.size:
             balanced = median(gauge) * per_travel
         elif paid.size and part.p_precharge is not None and part.volume_gas is not None:
             left = 1.0 - per_travel * median(paid) / part.volume_gas.value
-            balanced = ((part.p_precharge.value + ATMOSPHERE) / left - ATMOSPHERE) * per_travel if left > 0.0 else 0.0
+            balanced = (
+                ((part.p_precharge.value + ATMOSPHERE) / left - ATMOSPHERE) * per_travel
+                if left > 0.0
+                else 0.0
+            )
         if force.size >= MIN_COMPARED // 2 and balanced > 0.0:
             found.append((rest, median(force), balanced))
     return found

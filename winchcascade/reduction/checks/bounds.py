@@ -53,7 +53,11 @@ def exceeded(log: PhasedLog) -> Iterator[Fault]:
         excess, scatter = median_and_error(bound.excess)
         u = math.hypot(bound.u, scatter)
         if excess > max(bound.least, CERTAIN * u):
-            values = {"ratio": 1.0 + excess, "low": 1.0 + excess - 2.0 * u, "high": 1.0 + excess + 2.0 * u}
+            values = {
+                "ratio": 1.0 + excess,
+                "low": 1.0 + excess - 2.0 * u,
+                "high": 1.0 + excess + 2.0 * u,
+            }
             yield Fault(bound.name, bound.channel, plateaus_of(log), values)
 
 
@@ -69,7 +73,13 @@ def _means(log: PhasedLog, *names: str) -> Signal | None:
     channels = [log.run.channels.get(name) for name in names]
     if any(x is None for x in channels):
         return None
-    return np.array([[x[rows].mean() for rows in spans if rows.stop > rows.start] for x in channels if x is not None])
+    return np.array(
+        [
+            [x[rows].mean() for rows in spans if rows.stop > rows.start]
+            for x in channels
+            if x is not None
+        ]
+    )
 
 
 def _ratio_of_speeds(log: PhasedLog) -> float | None:
@@ -105,7 +115,10 @@ def power_of_shaft(log: PhasedLog) -> Bound | None:
     copper = 0.0 if machine.r_s is None else 3.0 * machine.r_s.value * STATOR**2
     damper = 0.0 if train.b_rotor is None else train.b_rotor.value
     diode = SILICON if machine.v_diode is None else machine.v_diode.value
-    put, got = torque * v / radius * mesh, (v_dc + 2.0 * diode + copper * i_dc) * i_dc + damper * (per_line * v) ** 2
+    put, got = (
+        torque * v / radius * mesh,
+        (v_dc + 2.0 * diode + copper * i_dc) * i_dc + damper * (per_line * v) ** 2,
+    )
     if not (put > 0.0).all():
         return None
     channels = (("torque", torque), ("vdc", v_dc), ("idc", i_dc))
@@ -114,7 +127,11 @@ def power_of_shaft(log: PhasedLog) -> Bound | None:
 
 def peak_of_voltage(log: PhasedLog) -> Bound | None:
     """Vdc over the peak of the back-EMF between two lines at the speed of the rotor (Eq. 8)."""
-    k_e, means, per_line = log.rig.generator.k_e, _means(log, "velocity", "vdc"), _ratio_of_speeds(log)
+    k_e, means, per_line = (
+        log.rig.generator.k_e,
+        _means(log, "velocity", "vdc"),
+        _ratio_of_speeds(log),
+    )
     if k_e is None or means is None or not means.size or per_line is None:
         return None
     v, v_dc = means
@@ -126,6 +143,7 @@ def peak_of_voltage(log: PhasedLog) -> Bound | None:
 def _u(log: PhasedLog, channels: tuple[tuple[str, Signal], ...]) -> float:
     """Standard uncertainty of a product of channels by zeros and gains of their sensors. [1]"""
     parts = [
-        (log.phased.u_gain(name), log.phased.u_zero(name) / max(median(np.abs(x)), 1e-300)) for name, x in channels
+        (log.phased.u_gain(name), log.phased.u_zero(name) / max(median(np.abs(x)), 1e-300))
+        for name, x in channels
     ]
     return math.hypot(*(u for part in parts for u in part))

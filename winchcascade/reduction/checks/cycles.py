@@ -1,4 +1,6 @@
-"""Whether the cycles of a log are cycles of their own and alike, and their powers and efficiencies possible."""
+"""Whether the cycles of a log are cycles of their own and alike, and their powers and
+efficiencies possible.
+"""
 
 from __future__ import annotations
 
@@ -16,34 +18,54 @@ from winchcascade.reduction.efficiency import SMALLEST, ratio
 from winchcascade.reduction.phased_run import travel_in
 
 IMPLAUSIBLE = 0.01
-"""Below this efficiency of all cycles together a unit is more probable than a loss: a prefix changes it by a thousand. [1]"""
+"""Below this efficiency of all cycles together a unit is more probable than a loss: a prefix
+changes it by a thousand. [1]
+"""
 
 OPPOSED = 0.5
-"""Smallest correlation of two powers, taken negative, that shows a wrong sign: what a spring or a mass between two stages
-exchanges is out of phase by a quarter of a period. [1]"""
+"""Smallest correlation of two powers, taken negative, that shows a wrong sign: what a spring or a
+mass between two stages exchanges is out of phase by a quarter of a period. [1]"""
 
 STROKE = 0.01
-"""Repeatability of a stroke: standard deviation of travel, and of travel over speed in a window, by a crane. [1]"""
+"""Repeatability of a stroke: standard deviation of travel, and of travel over speed in a window,
+by a crane. [1]
+"""
 
 
 def opposed_powers(log: PhasedLog) -> Iterator[Fault]:
-    """Neighbouring stages whose powers anticorrelate over the log: the one is positive while the other is negative.
+    """Neighbouring stages whose powers anticorrelate over the log: the one is positive while the
+    other is negative.
 
     The scatter of the inverse hyperbolic tangent of a correlation is normal (Fisher).
     """
-    some, channels, radius = slice(None, None, max(1, log.run.t.size // ENOUGH)), log.run.channels, log.rig.r_drum
-    known = {s.name: power for s in log.rig.cascade.stages if (power := s.power(channels, radius)) is not None}
+    some, channels, radius = (
+        slice(None, None, max(1, log.run.t.size // ENOUGH)),
+        log.run.channels,
+        log.rig.r_drum,
+    )
+    known = {
+        s.name: power
+        for s in log.rig.cascade.stages
+        if (power := s.power(channels, radius)) is not None
+    }
     watts = [(name, power, power.stream(channels, radius)(some)) for name, power in known.items()]
     for (one, first, x), (other, second, y) in pairwise(watts):
         size = float(np.linalg.norm(x) * np.linalg.norm(y))
         share = float(x @ y) / size if size > 0.0 else 0.0
         if share <= -OPPOSED and math.atanh(max(share, -0.999999)) * math.sqrt(x.size) <= -CERTAIN:
-            values = {"one": one, "other": other, "first": first.text, "second": second.text, "share": share}
+            values = {
+                "one": one,
+                "other": other,
+                "first": first.text,
+                "second": second.text,
+                "share": share,
+            }
             yield Fault("opposed", None, (), values)
 
 
 def odd_ratios(log: PhasedLog) -> Iterator[Fault]:
-    """Efficiencies outside 0 to 1, of power that flows against the cascade, or as small as by a wrong unit.
+    """Efficiencies outside 0 to 1, of power that flows against the cascade, or as small as by a
+    wrong unit.
 
     Of waves all together count: a single wave may take energy from the gas, or leave energy in it.
     """
@@ -54,7 +76,9 @@ def odd_ratios(log: PhasedLog) -> Iterator[Fault]:
         stage = next(s for s in cascade.stages if s.name == cascade.pairs[name][0])
         power = stage.power(log.run.channels, log.rig.r_drum) or stage.powers[0]
         got, put = (sum(c.metrics[energy] or 0.0 for c in log.complete) for energy in (out, into))
-        each = [(f"cycle {c.cycle}", c.metrics[out] or 0.0, c.metrics[into] or 0.0) for c in log.results]
+        each = [
+            (f"cycle {c.cycle}", c.metrics[out] or 0.0, c.metrics[into] or 0.0) for c in log.results
+        ]
         tested = [("all waves together", got, put)] if waves else each
         known = [of for of in tested if of[1] and abs(of[2]) > log.energies.nothing]
         across = name == cascade.overall and len(cascade.stages) > 2
@@ -65,19 +89,39 @@ def odd_ratios(log: PhasedLog) -> Iterator[Fault]:
         ):
             if odd:
                 place, joules, given = max(odd, key=lambda of: abs(of[1] / of[2]))
-                values = {"name": name, "place": place, "value": joules / given, "put": given, "stage": stage.name}
-                yield Fault(fault, None, (), {**values, "channels": " and ".join(power.channels)}, len(odd))
+                values = {
+                    "name": name,
+                    "place": place,
+                    "value": joules / given,
+                    "put": given,
+                    "stage": stage.name,
+                }
+                yield Fault(
+                    fault, None, (), {**values, "channels": " and ".join(power.channels)}, len(odd)
+                )
         if 0.0 < (ratio(got, put) or 0.0) < IMPLAUSIBLE:
             yield Fault("too_small", None, (), {"name": name, "value": got / put})
-    net = [(value, f"cycle {c.cycle}") for c in log.results if (value := c.metrics["eta_net"] or 0.0) > 1.0]
+    net = [
+        (value, f"cycle {c.cycle}")
+        for c in log.results
+        if (value := c.metrics["eta_net"] or 0.0) > 1.0
+    ]
     if net and not waves:
-        yield Fault("above_one", None, (), {"name": "eta_net", "value": max(net)[0], "place": max(net)[1]}, len(net))
+        yield Fault(
+            "above_one",
+            None,
+            (),
+            {"name": "eta_net", "value": max(net)[0], "place": max(net)[1]},
+            len(net),
+        )
 
 
 def copied_cycles(log: PhasedLog) -> Iterator[Fault]:
-    """Cycles whose samples equal those of an earlier one in every channel but the displacement: rows that were pasted again.
+    """Cycles whose samples equal those of an earlier one in every channel but the displacement:
+    rows that were pasted again.
 
-    Without noise, equal cycles are equal in every digit; only a log with a noisy channel shows a copy.
+    Without noise, equal cycles are equal in every digit; only a log with a noisy channel shows a
+    copy.
     """
     channels = {name: x for name, x in log.run.channels.items() if name != "displacement"}
     if len(log.complete) < 2 or any(f.kind == "repeated_rows" for f in log.run.findings):
@@ -96,12 +140,17 @@ def copied_cycles(log: PhasedLog) -> Iterator[Fault]:
             copies.append(cycle)
         seen.append(sums)
     if copies:
-        spans, numbers = [(c.window.onset, c.window.cutoff) for c in copies], ", ".join(str(c.cycle) for c in copies)
+        spans, numbers = (
+            [(c.window.onset, c.window.cutoff) for c in copies],
+            ", ".join(str(c.cycle) for c in copies),
+        )
         yield Fault("copied", None, spans, {"cycles": numbers, "all": len(log.complete)})
 
 
 def has_noise(x: Signal) -> bool:
-    """Whether a channel has noise beyond its resolution, which reverses most differences of the fourth order."""
+    """Whether a channel has noise beyond its resolution, which reverses most differences of the
+    fourth order.
+    """
     change = np.diff(x, 4)
     return (
         x.size > MIN_COMPARED
@@ -111,23 +160,39 @@ def has_noise(x: Signal) -> bool:
 
 
 def uneven_strokes(log: PhasedLog) -> Iterator[Fault]:
-    """Payouts with a stop in their windows that the others do not have; with the window payout those of another travel.
+    """Payouts with a stop in their windows that the others do not have; with the window payout
+    those of another travel.
 
-    A stop costs a share of the travel that the line would have had, had it kept the speed that it had reached. The others
-    deviate by no more than their repeatability, of a crane or in the log itself.
+    A stop costs a share of the travel that the line would have had, had it kept the speed that it
+    had reached. The others deviate by no more than their repeatability, of a crane or in the log
+    itself.
     """
-    windows, travel = [(c.window.onset, c.window.cutoff) for c in log.complete], np.array(log.phased.travel)
-    if len(windows) < 2 or (travel.size > 3 and GAUSS * median(np.abs(travel / median(travel) - 1.0)) > 10.0 * STROKE):
+    windows, travel = (
+        [(c.window.onset, c.window.cutoff) for c in log.complete],
+        np.array(log.phased.travel),
+    )
+    if len(windows) < 2 or (
+        travel.size > 3 and GAUSS * median(np.abs(travel / median(travel) - 1.0)) > 10.0 * STROKE
+    ):
         return  # strokes that never repeat, as of waves
     fault, x = "other_stroke", np.array(travel_in(log.run, np.reshape(windows, (-1, 2))))
     if log.phased.rule != "payout":
         speeds = [log.phased.v_smooth[log.phased.rows(*window)] for window in windows]
-        kept = [float(v.sum()) / max(float(np.maximum.accumulate(v).sum()), SMALLEST) for v in speeds]
+        kept = [
+            float(v.sum()) / max(float(np.maximum.accumulate(v).sum()), SMALLEST) for v in speeds
+        ]
         fault, x = "stopped", np.array(kept)
     usual = np.array([median(np.delete(x, k)) for k in range(x.size)])
-    scatter = np.array([GAUSS * median(np.abs(np.delete(x, k) - middle)) for k, middle in enumerate(usual)])
+    scatter = np.array(
+        [GAUSS * median(np.abs(np.delete(x, k) - middle)) for k, middle in enumerate(usual)]
+    )
     odd = np.flatnonzero(np.abs(x - usual) > CERTAIN * np.maximum(scatter, STROKE * usual))
     if odd.size:
         worst = odd[np.argmax(np.abs(x - usual)[odd])]
-        values = {"all": x.size, "cycle": log.complete[worst].cycle, "value": x[worst], "usual": usual[worst]}
+        values = {
+            "all": x.size,
+            "cycle": log.complete[worst].cycle,
+            "value": x[worst],
+            "usual": usual[worst],
+        }
         yield Fault(fault, None, [windows[k] for k in odd], values)

@@ -51,10 +51,15 @@ def stepped(log: PhasedLog) -> Iterator[Fault]:
     for first, second, degree in () if log.run.open_circuit else PARTNERS:
         if not spans or not {first, second} <= log.run.channels.keys():
             continue
-        ramps = np.concatenate([ramp_of(log, k, (first, second), of_line=degree > 1) for k in cycles], axis=1)
+        ramps = np.concatenate(
+            [ramp_of(log, k, (first, second), of_line=degree > 1) for k in cycles], axis=1
+        )
         x, y, *beside, x_slope, y_slope = ramps
         steps = []
-        for channel, partner, own, other, slope in ((second, first, y, x, x_slope), (first, second, x, y, y_slope)):
+        for channel, partner, own, other, slope in (
+            (second, first, y, x, x_slope),
+            (first, second, x, y, y_slope),
+        ):
             smooth = np.array([*(other**power for power in range(1, degree + 1)), slope, *beside])
             steps.append((*largest_step(own, smooth, log.zero_limit(channel)), channel, partner))
         certain, share, change, level, channel, partner = max(steps)
@@ -81,11 +86,18 @@ def ramp_of(log: PhasedLog, k: int, partners: tuple[str, str], *, of_line: bool)
     beside = []
     if of_line:
         begin, end = cycle.onset + limits.smoothing, braking
-        beside = [next((channels[n] for n in ("pressure", "displacement") if n in channels), log.run.t)]
+        beside = [
+            next((channels[n] for n in ("pressure", "displacement") if n in channels), log.run.t)
+        ]
     inside = log.phased.rows(begin, end)
     t, rows = (
         log.run.t[inside],
-        np.array([x[inside] for x in (log.phased.v_smooth, *(channels[name] for name in partners), *beside)]),
+        np.array(
+            [
+                x[inside]
+                for x in (log.phased.v_smooth, *(channels[name] for name in partners), *beside)
+            ]
+        ),
     )
     slopes = (rows[:3, 2:] - rows[:3, :-2]) / (t[2:] - t[:-2])
     ramp = (t < settled) | (t > braking - limits.settle)
@@ -100,7 +112,9 @@ def fit(columns: Signal, y: Signal) -> Fitted | None:
     if y.size < max(MIN_COMPARED, 5 * len(columns)):
         return None
     columns, y = columns - columns.mean(axis=1, keepdims=True), y - y.mean()
-    product = np.einsum("ij,kj->ik", columns, columns)  # not by BLAS, whose threads wait for each other
+    product = np.einsum(
+        "ij,kj->ik", columns, columns
+    )  # not by BLAS, whose threads wait for each other
     size, of_y = np.sqrt(product.diagonal()), float(y @ y)
     if not size.all() or of_y == 0.0:
         return None
@@ -135,7 +149,9 @@ def largest_step(y: Signal, smooth: Signal, zero: float) -> tuple[float, float, 
     weight = np.where(between, np.sqrt(place * (y.size - place)), np.inf)
     best = level[order[int(np.argmax(np.abs(np.cumsum((y - level)[order])[:-1]) / weight)) + 1]]
     found = fit(np.vstack((smooth, level >= best)), y)
-    if found is None or abs(found.weight[-1]) < (CERTAIN + 1.0) * found.error[-1]:  # as one of many levels
+    if (
+        found is None or abs(found.weight[-1]) < (CERTAIN + 1.0) * found.error[-1]
+    ):  # as one of many levels
         return 0.0, 0.0, 0.0, 0.0
     change, left = float(found.weight[-1]), math.sqrt(found.residual) * float(np.std(y))
     if abs(change) < max(0.5 * REPORTED * top, left, zero, 2.0 * white_noise(level)):

@@ -1,4 +1,6 @@
-"""What the checks over phases compare, and what each gives: a fault by its name, with the numbers that its words need."""
+"""What the checks over phases compare, and what each gives: a fault by its name, with the
+numbers that its words need.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ from winchcascade.reduction.phased_run import PhasedRun, span_end
 from winchcascade.reduction.reduction_result import CycleResult
 
 REPORTED = 0.005
-"""Smallest error of an energy that is reported, by updates, a resolution or a step of a channel. [1]"""
+"""Smallest error of an energy that is reported, by updates, a resolution or a step of a channel.
+[1]
+"""
 
 MIN_COMPARED = 20
 """Smallest number of samples that shows how two channels depend on each other. [1]"""
@@ -32,7 +36,8 @@ Span = tuple[float, float]
 
 
 class Fault(NamedTuple):
-    """One fault: its name in the table of words, the channel, the spans in order of time, and the values that fill the words.
+    """One fault: its name in the table of words, the channel, the spans in order of time, and the
+    values that fill the words.
 
     `places` are by default the number of the spans.
     """
@@ -45,7 +50,9 @@ class Fault(NamedTuple):
 
 
 class OperatingPoints(NamedTuple):
-    """Vdc [V] and Idc [A] on k plateaus or cycles: means and their standard errors by noise, (2, k) each, and the spans."""
+    """Vdc [V] and Idc [A] on k plateaus or cycles: means and their standard errors by noise, (2,
+    k) each, and the spans.
+    """
 
     mean: Signal
     error: Signal
@@ -53,9 +60,11 @@ class OperatingPoints(NamedTuple):
 
 
 class PhasedLog(msgspec.Struct, frozen=True, dict=True):
-    """A log with its phases, their summaries, the energies, what thinning changes of them, and the metrics of its cycles.
+    """A log with its phases, their summaries, the energies, what thinning changes of them, and the
+    metrics of its cycles.
 
-    `thinned` are relative changes of the energy of each stage in each whole cycle, (5, k); empty where the sampling is fine.
+    `thinned` are relative changes of the energy of each stage in each whole cycle, (5, k); empty
+    where the sampling is fine.
     """
 
     phased: PhasedRun
@@ -77,11 +86,17 @@ class PhasedLog(msgspec.Struct, frozen=True, dict=True):
     def samples(self, channel: str, spans: Sequence[Span]) -> Signal:
         """Samples of a channel in some spans; none of a channel that the log lacks."""
         x = self.run.channels.get(channel)
-        parts = [] if x is None else [x[self.phased.rows(begin, end)] for begin, end in spans if end > begin]
+        parts = (
+            []
+            if x is None
+            else [x[self.phased.rows(begin, end)] for begin, end in spans if end > begin]
+        )
         return np.concatenate(parts) if parts else np.empty(0)
 
     def zero_limit(self, channel: str) -> float:
-        """Zero of a channel that its accuracy does not explain, 0 where none is stated. [SI unit of the channel]"""
+        """Zero of a channel that its accuracy does not explain, 0 where none is stated. [SI unit
+        of the channel]
+        """
         return CERTAIN * self.phased.u_zero(channel)
 
     @cached_property
@@ -91,8 +106,14 @@ class PhasedLog(msgspec.Struct, frozen=True, dict=True):
 
     @cached_property
     def idle(self) -> bool:
-        """Whether the machine delivers next to nothing, so that its losses decide every ratio to what it delivers."""
-        known = [name for name in self.rig.cascade.energies if all(c.metrics[name] is not None for c in self.complete)]
+        """Whether the machine delivers next to nothing, so that its losses decide every ratio to
+        what it delivers.
+        """
+        known = [
+            name
+            for name in self.rig.cascade.energies
+            if all(c.metrics[name] is not None for c in self.complete)
+        ]
         shares = [ratio(c.metrics[known[-1]], c.metrics[known[0]]) for c in self.complete if known]
         return self.run.open_circuit or runs_idle(shares)
 
@@ -102,7 +123,9 @@ class PhasedLog(msgspec.Struct, frozen=True, dict=True):
         v_dc, i_dc = (self.run.channels.get(name) for name in ("vdc", "idc"))
         if v_dc is None or i_dc is None:
             return self.idle
-        return self.run.open_circuit or largest(i_dc) <= open_circuit_current(self.rig, largest(v_dc))
+        return self.run.open_circuit or largest(i_dc) <= open_circuit_current(
+            self.rig, largest(v_dc)
+        )
 
     @cached_property
     def top_speed(self) -> float:
@@ -112,26 +135,40 @@ class PhasedLog(msgspec.Struct, frozen=True, dict=True):
     @cached_property
     def powers(self) -> dict[str, Power]:
         """Power of each stage whose energy counts: not of what an idle machine delivers."""
-        stages = [stage for stage in self.rig.cascade.stages if not (self.idle and stage.name in ELECTRICAL)]
+        stages = [
+            stage
+            for stage in self.rig.cascade.stages
+            if not (self.idle and stage.name in ELECTRICAL)
+        ]
         known = {stage.name: stage.power(self.run.channels, self.rig.r_drum) for stage in stages}
         joules = self.energies.joules
         return {
-            name: power for name, power in known.items() if power and max(joules[name] or [0.0]) > self.energies.nothing
+            name: power
+            for name, power in known.items()
+            if power and max(joules[name] or [0.0]) > self.energies.nothing
         }
 
     @cached_property
     def points(self) -> OperatingPoints:
-        """Vdc and Idc on the plateau of each checked cycle; with a stated load also over a cycle that is found in no motion."""
+        """Vdc and Idc on the plateau of each checked cycle; with a stated load also over a cycle
+        that is found in no motion.
+        """
         phased, by_motion, channels = self.phased, self.rig.phases.by_motion, self.run.channels
         means, errors, spans = [], [], []
         if {"vdc", "idc"} <= channels.keys() and (self.run.load is not None or by_motion):
             for k in phased.chosen():
                 cycle, plateau = phased.cycles[k], self.summaries[k].payout.plateau
-                span = (plateau.begin, plateau.braking) if plateau else (cycle.onset, span_end(cycle, self.rig))
+                span = (
+                    (plateau.begin, plateau.braking)
+                    if plateau
+                    else (cycle.onset, span_end(cycle, self.rig))
+                )
                 both = np.array([channels[name][phased.rows(*span)] for name in ("vdc", "idc")])
                 if both.size and (plateau is not None or not by_motion):
                     n = both.shape[1]
                     means.append(both.mean(axis=1))
-                    errors.append(np.std(np.diff(both), axis=1) / math.sqrt(2.0 * n) if n > 1 else np.zeros(2))
+                    errors.append(
+                        np.std(np.diff(both), axis=1) / math.sqrt(2.0 * n) if n > 1 else np.zeros(2)
+                    )
                     spans.append(span)
         return OperatingPoints(np.reshape(means, (-1, 2)).T, np.reshape(errors, (-1, 2)).T, spans)

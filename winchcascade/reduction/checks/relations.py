@@ -21,7 +21,15 @@ from winchcascade.core.integrate import largest, median_and_error
 from winchcascade.core.quantity import TURN
 from winchcascade.core.run import Mask
 from winchcascade.reduction.checks.phased_log import Fault, PhasedLog
-from winchcascade.reduction.checks.shifted_fit import Known, Payouts, Sums, on_grids, rate_of, shifted, sums_of
+from winchcascade.reduction.checks.shifted_fit import (
+    Known,
+    Payouts,
+    Sums,
+    on_grids,
+    rate_of,
+    shifted,
+    sums_of,
+)
 from winchcascade.reduction.efficiency import SMALLEST
 from winchcascade.reduction.reduction_result import Relation
 
@@ -110,11 +118,16 @@ def relations_of(log: PhasedLog) -> tuple[Relation, ...]:
     payouts = payouts_of(log) if log.rig.phases.by_motion else None
     if payouts is None:
         return ()
-    twisted, laws = _twist(log, payouts, 0.0), [law for law in LAWS if {law.y, law.x} <= payouts.signals.keys()]
+    twisted, laws = (
+        _twist(log, payouts, 0.0),
+        [law for law in LAWS if {law.y, law.x} <= payouts.signals.keys()],
+    )
     first = list({law.y: law for law in reversed(laws)}.values())
     sums = _sums(log, payouts, first, payouts.inside)
     torque = _estimate(log, payouts, sums, OF_TORQUE, known=twisted)
-    if twisted and (torque is None or abs(torque.lag) > payouts.step):  # its rate is that of another time
+    if twisted and (
+        torque is None or abs(torque.lag) > payouts.step
+    ):  # its rate is that of another time
         twisted = torque is not None
         _twist(log, payouts, torque.lag if torque is not None else None)
         sums = _sums(log, payouts, first, payouts.inside)
@@ -122,7 +135,9 @@ def relations_of(log: PhasedLog) -> tuple[Relation, ...]:
     for law in laws:
         if law.y not in found:
             of_law = sums if law in sums else _sums(log, payouts, [law], payouts.inside)
-            relation = torque if law is OF_TORQUE else _estimate(log, payouts, of_law, law, known=twisted)
+            relation = (
+                torque if law is OF_TORQUE else _estimate(log, payouts, of_law, law, known=twisted)
+            )
             if relation is not None:
                 found[law.y] = relation
     return tuple(found.values())
@@ -133,7 +148,13 @@ def _sums(log: PhasedLog, payouts: Payouts, laws: Sequence[Law], inside: Mask) -
     if not laws:
         return {}
     reach = REACH * log.rig.thresholds.smoothing
-    return dict(zip(laws, sums_of(payouts, [(law.y, law.columns) for law in laws], inside, reach), strict=True))
+    return dict(
+        zip(
+            laws,
+            sums_of(payouts, [(law.y, law.columns) for law in laws], inside, reach),
+            strict=True,
+        )
+    )
 
 
 def _twist(log: PhasedLog, payouts: Payouts, late: float | None) -> bool:
@@ -145,14 +166,27 @@ def _twist(log: PhasedLog, payouts: Payouts, late: float | None) -> bool:
     late : by which the torque was recorded late [s]; None where that is unknown, and the rotor
         turns with the line
     """
-    stiffness, radius, torque = log.rig.drivetrain.k_shaft, log.rig.r_drum, payouts.signals.get("torque")
-    rotor, known = payouts.signals["velocity"], torque is not None and stiffness is not None and radius is not None
+    stiffness, radius, torque = (
+        log.rig.drivetrain.k_shaft,
+        log.rig.r_drum,
+        payouts.signals.get("torque"),
+    )
+    rotor, known = (
+        payouts.signals["velocity"],
+        torque is not None and stiffness is not None and radius is not None,
+    )
     if torque is not None and stiffness is not None and radius is not None and late is not None:
         points = np.arange(torque.shape[1])
-        placed = np.array([np.interp(points + late / payouts.step, points, row) for row in torque]) if late else torque
+        placed = (
+            np.array([np.interp(points + late / payouts.step, points, row) for row in torque])
+            if late
+            else torque
+        )
         rotor = rotor - radius / stiffness.value * rate_of(placed, payouts.step)
     acceleration = rate_of(rotor, payouts.step)
-    payouts.signals.update({"v": rotor, "v2": rotor * rotor, "v3": rotor * rotor * rotor, "a": acceleration})
+    payouts.signals.update(
+        {"v": rotor, "v2": rotor * rotor, "v3": rotor * rotor * rotor, "a": acceleration}
+    )
     return known
 
 
@@ -170,7 +204,9 @@ def late(log: PhasedLog, relations: Sequence[Relation]) -> Iterator[Fault]:
         lag = relation.lag - (0.0 if partner else moved)
         if not msgspec.structs.replace(relation, lag=lag).deviates:
             continue
-        behind, early = (relation.y, relation.x) if lag > 0.0 or not partner else (relation.x, relation.y)
+        behind, early = (
+            (relation.y, relation.x) if lag > 0.0 or not partner else (relation.x, relation.y)
+        )
         group = [r.y for r in relations if r.x == behind and not r.deviates and not partner]
         values = {
             "group": " and ".join([behind, *group]),
@@ -189,7 +225,14 @@ def payouts_of(log: PhasedLog) -> Payouts | None:
     """The payouts on their grids, with all that the laws need; in open circuit up to the braking,
     where the clutch opens. None where the log holds no velocity, or no onset."""
     phased, run, width, idle = log.phased, log.run, log.rig.thresholds.smoothing, log.idles
-    names = ("velocity", "displacement", "torque", "force", "pressure", *(() if idle else ("vdc", "idc")))
+    names = (
+        "velocity",
+        "displacement",
+        "torque",
+        "force",
+        "pressure",
+        *(() if idle else ("vdc", "idc")),
+    )
     spans = []
     for k in phased.chosen() if "velocity" in run.channels else ():
         cycle, plateau = phased.cycles[k], phased.plateaus[k]
@@ -213,7 +256,9 @@ def _complete(payouts: Payouts, v_onset: float) -> None:
     """
     s, v = payouts.signals, payouts.signals["velocity"]
     s["time"] = payouts.t
-    s["friction"] = v / (np.abs(v) + v_onset)  # of the restoring module, which reverses at the onset
+    s["friction"] = v / (
+        np.abs(v) + v_onset
+    )  # of the restoring module, which reverses at the onset
     s["travel"] = (np.cumsum(v, axis=1) - 0.5 * v) * payouts.step
     if "displacement" in s:  # from where the line is at the onset
         onset = payouts.inside.argmax(axis=1)[:, None]
@@ -223,7 +268,9 @@ def _complete(payouts: Payouts, v_onset: float) -> None:
         s["torque2"] = s["torque"] ** 2
 
 
-def _estimate(log: PhasedLog, payouts: Payouts, sums: Mapping[Law, Sums], law: Law, *, known: bool) -> Relation | None:
+def _estimate(
+    log: PhasedLog, payouts: Payouts, sums: Mapping[Law, Sums], law: Law, *, known: bool
+) -> Relation | None:
     """Lag of one relation; None where its channel is noise, or follows the law at no lag."""
     width = log.rig.thresholds.smoothing
     machine = {"torque", "vdc"} & log.run.channels.keys()
@@ -237,15 +284,32 @@ def _estimate(log: PhasedLog, payouts: Payouts, sums: Mapping[Law, Sums], law: L
     for inside in (payouts.inside, payouts.unbraked):
         if inside is payouts.unbraked:  # the clutch opens in the braking, and the rotor runs on
             sums = _sums(log, payouts, [law], inside)
-        shift = shifted(sums[law], payouts.step, beside=law.beside, left_out=law.left_out, known=inertia)
+        shift = shifted(
+            sums[law], payouts.step, beside=law.beside, left_out=law.left_out, known=inertia
+        )
         if shift is not None and shift.misfit < HOLDS:
             break
-    if shift is None or shift.residual > FOLLOWS or shift.misfit > HOLDS or abs(shift.lag) > reach - payouts.step:
+    if (
+        shift is None
+        or shift.residual > FOLLOWS
+        or shift.misfit > HOLDS
+        or abs(shift.lag) > reach - payouts.step
+    ):
         return None
     delay, u = _delay(log, law.y, known=known) if law.rotor else (0.0, 0.0)
     u_law, least = math.hypot(u, law.u * width), max(law.least * width, 1.0 / log.run.fs)
     gain, u_gain = _gain(log, payouts, law)
-    return Relation(law.y, law.x, law.law, shift.lag - delay, math.hypot(shift.u, u_law), u_law, least, gain, u_gain)
+    return Relation(
+        law.y,
+        law.x,
+        law.law,
+        shift.lag - delay,
+        math.hypot(shift.u, u_law),
+        u_law,
+        least,
+        gain,
+        u_gain,
+    )
 
 
 def _gain(log: PhasedLog, payouts: Payouts, law: Law) -> tuple[float | None, float | None]:
@@ -254,7 +318,10 @@ def _gain(log: PhasedLog, payouts: Payouts, law: Law) -> tuple[float | None, flo
     ratios, load = np.empty(0), log.run.load
     if law.law == "integral":
         first = payouts.inside.argmax(axis=1)
-        ends = first[:, None] + np.array([[0, 1]]) * (np.count_nonzero(payouts.inside, axis=1) - 1)[:, None]
+        ends = (
+            first[:, None]
+            + np.array([[0, 1]]) * (np.count_nonzero(payouts.inside, axis=1) - 1)[:, None]
+        )
         moved, expected = (
             np.ptp(np.take_along_axis(payouts.signals[name], ends, axis=1), axis=1)
             for name in ("displacement", "travel")
@@ -304,15 +371,28 @@ def _delay(log: PhasedLog, channel: str, *, known: bool) -> tuple[float, float]:
     delay, resistance, capacity = 0.0, _source(log), log.rig.dc_link.c_dc
     if channel == "vdc":
         known = known and capacity is not None and resistance is not None
-        delay = capacity.value * resistance if capacity is not None and resistance is not None else 0.0
-    return delay, OF_DELAY * delay if known and not log.idles else UNKNOWN_MACHINE * log.rig.thresholds.smoothing
+        delay = (
+            capacity.value * resistance if capacity is not None and resistance is not None else 0.0
+        )
+    return (
+        delay,
+        OF_DELAY * delay
+        if known and not log.idles
+        else UNKNOWN_MACHINE * log.rig.thresholds.smoothing,
+    )
 
 
 def _source(log: PhasedLog) -> float | None:
     """Resistance of machine, bridge and load that charges the capacitor: copper, commutation, and
     load beside them. [ohm]"""
     machine, radius, gear = log.rig.generator, log.rig.r_drum, log.rig.drivetrain.gear_ratio
-    if machine.r_s is None or machine.l_s is None or machine.pole_pairs is None or radius is None or gear is None:
+    if (
+        machine.r_s is None
+        or machine.l_s is None
+        or machine.pole_pairs is None
+        or radius is None
+        or gear is None
+    ):
         return None
     omega = log.top_speed / radius * gear.value * machine.pole_pairs.value
     source = 2.0 * machine.r_s.value + 6.0 / TURN * omega * machine.l_s.value

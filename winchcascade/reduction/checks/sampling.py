@@ -1,11 +1,13 @@
 """Whether a log is sampled finely enough for its motion, in time and in the steps of its channels.
 
-The reduction is repeated on every second and every third sample. Trapezoids and interpolated instants err by the square of the
-sampling interval where the motion is smooth: the change from the log to every second sample is three times the error of the
-log itself, that to every third sample eight times (Richardson). What the phases of the thinned logs and the cycles do not share
-is no error of the mean.
+The reduction is repeated on every second and every third sample. Trapezoids and interpolated
+instants err by the square of the sampling interval where the motion is smooth: the change from the
+log to every second sample is three times the error of the log itself, that to every third sample
+eight times (Richardson). What the phases of the thinned logs and the cycles do not share is no
+error of the mean.
 
-A logger that rounds errs by up to half a step where the noise of a channel is smaller than that; larger noise averages out.
+A logger that rounds errs by up to half a step where the noise of a channel is smaller than that;
+larger noise averages out.
 """
 
 from __future__ import annotations
@@ -25,27 +27,34 @@ from winchcascade.reduction.energies import Energies
 from winchcascade.reduction.phased_run import PhasedRun, find_phases, find_windows
 
 THINNED = ((2, 0), (2, 1), (3, 0), (3, 1), (3, 2))
-"""Steps and first samples of the thinned logs: every phase of every second and every third sample."""
+"""Steps and first samples of the thinned logs: every phase of every second and every third
+sample.
+"""
 
 FINE = 12
-"""Number of samples within the smoothing width, and between onset and plateau, from which sampling needs no check: errors
-of trapezoids and interpolated instants are then below 0.1 % of an energy."""
+"""Number of samples within the smoothing width, and between onset and plateau, from which sampling
+needs no check: errors of trapezoids and interpolated instants are then below 0.1 % of an energy."""
 
 EVENLY = 0.9
 """Share of the changes that lie evenly apart in a channel that is slower than its log. [1]"""
 
 DITHERED = 0.5
-"""Noise in steps of a channel from which rounding averages out, to less than 1 % of a step (Widrow). [1]"""
+"""Noise in steps of a channel from which rounding averages out, to less than 1 % of a step
+(Widrow). [1]
+"""
 
 OF_ONSET = 0.5
-"""Step of the velocity over the threshold of the onset from which it is reported: the onset then lies between two steps. [1]"""
+"""Step of the velocity over the threshold of the onset from which it is reported: the onset then
+lies between two steps. [1]
+"""
 
 
 def thinned_changes(phased: PhasedRun, energies: Energies) -> dict[str, Signal]:
-    """Relative change of each stage's energy in each cycle on each thinned log, (5, k); NaN where a cycle is not found.
+    """Relative change of each stage's energy in each cycle on each thinned log, (5, k); NaN where a
+    cycle is not found.
 
-    Nothing where the sampling is clearly fine: enough samples lie within the smoothing width and within each ramp, or half of a
-    payout without a plateau.
+    Nothing where the sampling is clearly fine: enough samples lie within the smoothing width and
+    within each ramp, or half of a payout without a plateau.
     """
     run, rig, cycles = phased.run, phased.rig, phased.cycles
     ramps = [
@@ -54,17 +63,29 @@ def thinned_changes(phased: PhasedRun, energies: Energies) -> dict[str, Signal]:
         if not c.begins_inside
     ]
     whole = [w.fault is None for w in energies.windows]
-    if not rig.phases.by_motion or not any(whole) or run.fs * min([rig.thresholds.smoothing, *ramps]) > FINE - 0.5:
+    if (
+        not rig.phases.by_motion
+        or not any(whole)
+        or run.fs * min([rig.thresholds.smoothing, *ramps]) > FINE - 0.5
+    ):
         return {}
-    streams = {stage.name: stage.stream for stage in rig.cascade.stages if energies.joules[stage.name] is not None}
+    streams = {
+        stage.name: stage.stream
+        for stage in rig.cascade.stages
+        if energies.joules[stage.name] is not None
+    }
     changes = {stage: np.full((len(THINNED), len(cycles)), np.nan) for stage in streams}
     middles = np.array([0.5 * (c.onset + c.payout_end) for c in cycles])
     for row, (step, first) in enumerate(THINNED):
         t, channels = run.t[first::step], {name: x[first::step] for name, x in run.channels.items()}
-        some = msgspec.structs.replace(run, t=t, channels=channels, fs=run.fs / step, samples=run.samples // step)
+        some = msgspec.structs.replace(
+            run, t=t, channels=channels, fs=run.fs / step, samples=run.samples // step
+        )
         thinned = find_phases(some, rig, phased.rule)
         for cycle, window in zip(thinned.cycles, find_windows(thinned), strict=True):
-            same = np.flatnonzero((middles > cycle.onset) & (middles <= cycle.payout_end) & (window.fault is None))
+            same = np.flatnonzero(
+                (middles > cycle.onset) & (middles <= cycle.payout_end) & (window.fault is None)
+            )
             for stage, stream in streams.items():
                 if same.size and (watts := stream(channels, rig.r_drum)) is not None:
                     into = np.array(energies.joules[stage])[same]
@@ -76,7 +97,9 @@ def thinned_changes(phased: PhasedRun, energies: Energies) -> dict[str, Signal]:
 
 
 def sampled(changes: Mapping[str, Signal], energies: Energies) -> dict[str, tuple[float, ...]]:
-    """What thinning changes of each stage's energy in each cycle, by the thinned log that changes the means most. [J]"""
+    """What thinning changes of each stage's energy in each cycle, by the thinned log that
+    changes the means most. [J]
+    """
     if not changes:
         return {}
     filled = {s: np.nan_to_num(change, nan=-1.0) for s, change in changes.items()}
@@ -90,12 +113,15 @@ def sampled(changes: Mapping[str, Signal], energies: Energies) -> dict[str, tupl
 
 
 def coarse_sampling(log: PhasedLog) -> Iterator[Fault]:
-    """A log whose mean energy of a stage errs too much by its changes on thinned logs, all of it where these lose a cycle."""
+    """A log whose mean energy of a stage errs too much by its changes on thinned logs, all of it
+    where these lose a cycle.
+    """
     error = 0.0
     for change in log.thinned.values():
         found = np.isfinite(change)
         mean = [
-            float(change[rows][found[rows]].mean()) if found[rows].any() else 0.0 for rows in (slice(2), slice(2, None))
+            float(change[rows][found[rows]].mean()) if found[rows].any() else 0.0
+            for rows in (slice(2), slice(2, None))
         ]
         lost = not found[:2].any(axis=0).all()
         least_squares = abs(3.0 * mean[0] + 8.0 * mean[1]) / (3.0**2 + 8.0**2)
@@ -106,7 +132,9 @@ def coarse_sampling(log: PhasedLog) -> Iterator[Fault]:
 
 
 def held_channels(log: PhasedLog) -> Iterator[Fault]:
-    """Channels that keep their value for several samples while the line pays out: late by half of the interval on average."""
+    """Channels that keep their value for several samples while the line pays out: late by half
+    of the interval on average.
+    """
     phased, run, reported = log.phased, log.run, set[str]()
     ramps = [k for k, p in enumerate(phased.plateaus) if p and not phased.cycles[k].begins_inside]
     if not ramps:
@@ -114,14 +142,25 @@ def held_channels(log: PhasedLog) -> Iterator[Fault]:
     k = ramps[len(ramps) // 2]
     cycle, end = phased.cycles[k], int(np.searchsorted(run.t, log.energies.windows[k].cutoff))
     for stage, power in log.powers.items():
-        watts = float(power.stream(run.channels, log.rig.r_drum)(slice(max(end - 1, 0), end + 1)).mean())
+        watts = float(
+            power.stream(run.channels, log.rig.r_drum)(slice(max(end - 1, 0), end + 1)).mean()
+        )
         joules = (log.energies.joules[stage] or [0.0])[k]
         for name in power.channels:
             every = update_interval(run.channels[name][phased.rows(cycle.onset, cycle.payout_end)])
             late = 0.5 * (every - 1) / run.fs
-            if joules > log.energies.nothing and late * watts / joules >= REPORTED and name not in reported:
+            if (
+                joules > log.energies.nothing
+                and late * watts / joules >= REPORTED
+                and name not in reported
+            ):
                 reported.add(name)
-                values = {"every": every, "interval": every / run.fs, "late": late, "error": late * watts / joules}
+                values = {
+                    "every": every,
+                    "interval": every / run.fs,
+                    "late": late,
+                    "error": late * watts / joules,
+                }
                 yield Fault("held", name, [(cycle.onset, cycle.payout_end)], values)
 
 
@@ -136,14 +175,20 @@ def update_interval(x: Signal) -> int:
         return 1
     apart = np.diff(at).astype(np.float64)
     every = median(apart)
-    uneven = np.abs(apart - every * np.maximum(np.round(apart / every), 1.0)) > (1.0 if every > 3.0 else 0.0)
+    uneven = np.abs(apart - every * np.maximum(np.round(apart / every), 1.0)) > (
+        1.0 if every > 3.0 else 0.0
+    )
     return round(every) if np.mean(uneven) <= 1.0 - EVENLY else 1
 
 
 def coarse_resolution(log: PhasedLog) -> Iterator[Fault]:
-    """Channels whose step is coarse for an energy that counts: half a step changes it by the other factor of the power."""
+    """Channels whose step is coarse for an energy that counts: half a step changes it by the
+    other factor of the power.
+    """
     windows, errors = [(c.window.onset, c.window.cutoff) for c in log.complete], dict[str, float]()
-    payouts = [(log.phased.cycles[k].onset, log.phased.cycles[k].payout_end) for k in log.phased.chosen()]
+    payouts = [
+        (log.phased.cycles[k].onset, log.phased.cycles[k].payout_end) for k in log.phased.chosen()
+    ]
     for power in log.powers.values() if windows and not log.run.simulated else ():
         logged = {name: log.samples(name, windows) for name in power.channels}
         watts = abs(float(power.stream(logged, log.rig.r_drum)(slice(None)).mean()))
@@ -154,16 +199,20 @@ def coarse_resolution(log: PhasedLog) -> Iterator[Fault]:
                 errors[name] = max(errors.get(name, 0.0), share)
     for name, per_step in errors.items():
         onset = OF_ONSET * log.rig.thresholds.v_onset if name == "velocity" else math.inf
-        step = recorded_step(log.samples(name, payouts), min(REPORTED / max(per_step, SMALLEST), onset))
+        step = recorded_step(
+            log.samples(name, payouts), min(REPORTED / max(per_step, SMALLEST), onset)
+        )
         if step and per_step * step < 1e9:
             yield Fault("coarse_resolution", name, (), {"step": step, "error": per_step * step})
 
 
 def recorded_step(x: Signal, least: float) -> float:
-    """Step in which a channel is recorded, 0 where it has none, one below the least, or noise beyond it. [SI unit]
+    """Step in which a channel is recorded, 0 where it has none, one below the least, or noise
+    beyond it. [SI unit]
 
-    Values that a logger rounds repeat; a bridged or repaired value does not pass for a fine resolution. A channel that holds
-    two values, as a friction or a brake does, or changes a few times, has none.
+    Values that a logger rounds repeat; a bridged or repaired value does not pass for a fine
+    resolution. A channel that holds two values, as a friction or a brake does, or changes a few
+    times, has none.
     """
     changes = np.abs(np.diff(x))
     changes = changes[changes > 0.0]

@@ -96,7 +96,9 @@ class Shift(NamedTuple):
     misfit: float
 
 
-def on_grids(t: Signal, channels: Mapping[str, Signal], spans: Signal, reach: float, width: float) -> Payouts | None:
+def on_grids(
+    t: Signal, channels: Mapping[str, Signal], spans: Signal, reach: float, width: float
+) -> Payouts | None:
     """Average channels over the cells of grids and smooth them; None where no span is long enough.
 
     Before the first sample and after the last one a signal is held.
@@ -123,13 +125,21 @@ def on_grids(t: Signal, channels: Mapping[str, Signal], spans: Signal, reach: fl
     first, last = np.ceil((t[0] - begins) / step), np.floor((t[-1] - begins) / step) - 1
     edges = begins + step * np.arange(count + 1)
     areas = np.diff(
-        integrals_to(t, [x.__getitem__ for x in channels.values()], edges.ravel()).reshape(-1, *edges.shape)
+        integrals_to(t, [x.__getitem__ for x in channels.values()], edges.ravel()).reshape(
+            -1, *edges.shape
+        )
     )
-    cells = np.clip(np.arange(count), first, last).astype(np.intp) + count * np.arange(len(edges))[:, None]
+    cells = (
+        np.clip(np.arange(count), first, last).astype(np.intp)
+        + count * np.arange(len(edges))[:, None]
+    )
     means = areas.reshape(len(areas), -1)[:, cells] / step
     kernel = smoothing_weights(half) if half else np.ones(1)
     smooth = np.convolve(means.ravel(), kernel, "same").reshape(means.shape)
-    for ends in (slice(0, half), slice(count - half, count)):  # which have neighbours of another channel
+    for ends in (
+        slice(0, half),
+        slice(count - half, count),
+    ):  # which have neighbours of another channel
         smooth[..., ends] = means[..., ends]
     unbraked = inside & (middle < spans[long, 1:2])
     return Payouts(middle, step, inside, unbraked, dict(zip(channels, smooth, strict=True)))
@@ -144,7 +154,9 @@ def rate_of(x: Signal, step: float) -> Signal:
     return rate
 
 
-def sums_of(payouts: Payouts, laws: Sequence[tuple[str, Sequence[str]]], inside: Mask, reach: float) -> list[Sums]:
+def sums_of(
+    payouts: Payouts, laws: Sequence[tuple[str, Sequence[str]]], inside: Mask, reach: float
+) -> list[Sums]:
     """Average, factorise and transform the columns of several laws at once.
 
     Parameters
@@ -176,7 +188,9 @@ def sums_of(payouts: Payouts, laws: Sequence[tuple[str, Sequence[str]]], inside:
     y -= y[:, :1, :1]
     of_y, of_squares = np.fft.rfft(y), np.fft.rfft(y * y)
     products = np.empty((len(laws), most + 2, waves.shape[2]), dtype=np.complex128)
-    np.einsum("lmpf,lpf->lmf", waves[rows], of_y, out=products[:, :-1])  # a product of all would be large
+    np.einsum(
+        "lmpf,lpf->lmf", waves[rows], of_y, out=products[:, :-1]
+    )  # a product of all would be large
     np.einsum("pf,lpf->lf", waves[0], of_squares, out=products[:, -1])
     shifts = np.arange(-int(reach / payouts.step), int(reach / payouts.step) + 1)
     sums = np.fft.irfft(products, inside.shape[1])[..., shifts]
@@ -187,11 +201,23 @@ def sums_of(payouts: Payouts, laws: Sequence[tuple[str, Sequence[str]]], inside:
     for k, (_, columns) in enumerate(laws):
         m = len(columns) + 1
         of_law = rows[k, :m]
-        found.append(Sums(points, values[of_law], size[of_law], y[k], factor[k, :m, :m], along[k, :m], power[k]))
+        found.append(
+            Sums(
+                points,
+                values[of_law],
+                size[of_law],
+                y[k],
+                factor[k, :m, :m],
+                along[k, :m],
+                power[k],
+            )
+        )
     return found
 
 
-def shifted(sums: Sums, step: float, *, beside: int, left_out: float, known: Known | None = None) -> Shift | None:
+def shifted(
+    sums: Sums, step: float, *, beside: int, left_out: float, known: Known | None = None
+) -> Shift | None:
     """Fit the lag of a signal behind its law; None where too few points show it.
 
     Parameters
@@ -235,7 +261,9 @@ def shifted(sums: Sums, step: float, *, beside: int, left_out: float, known: Kno
     near = np.flatnonzero(chi < 4.0)  # also about another minimum, which explains the log as well
     u = max(u, 0.5 * float(max(near[-1] - best, best - near[0]) - 1))
     misfit = math.sqrt(max(float(squares[best]), 0.0) / points.size) / extent
-    return Shift(step * float(shifts[best] + lag), step * u, float(squares[best] / unmoved[best]), misfit)
+    return Shift(
+        step * float(shifts[best] + lag), step * u, float(squares[best] / unmoved[best]), misfit
+    )
 
 
 def _variance(residual: Signal, size: float, least: float) -> float:

@@ -1,4 +1,6 @@
-"""Figures of a calibration: damper and screw by the blocks of the fit, and the regression of the back-EMF (Fig. 12)."""
+"""Figures of a calibration: damper and screw by the blocks of the fit, and the regression of the
+back-EMF (Fig. 12).
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ KGF_PER_CM2 = 1.0 / 98066.5
 
 
 def damper_and_screw(blocks: FittedBlocks, *, word: str) -> Figure:
-    """Draw the torque of the damper over generator speed, and line tension over gas pressure, without gas over displacement."""
+    """Draw the torque of the damper over generator speed, and line tension over gas pressure,
+    without gas over displacement.
+    """
     figure, (left, right) = panel_figure(2.8, 1, 2)
     force, torque, pressure = (CHANNELS.index(name) for name in ("force", "torque", "pressure"))
     out = np.flatnonzero(blocks.phase == PAYOUT)[np.argsort(blocks.rpm[blocks.phase == PAYOUT])]
@@ -47,12 +51,16 @@ def damper_and_screw(blocks: FittedBlocks, *, word: str) -> Figure:
         right.plot(over[here], blocks.fitted[here, force], color=COLOURS[colour], **marks)
     label_panel(right, "b", "Line tension", x=label, unit="N")
     names = {"fitted, payout": "mech", "fitted, haul-in": "gen"}
-    legend_above(figure, [samples_entry(word, "ink"), *(line_entry(name, c, **marks) for name, c in names.items())])
+    legend_above(
+        figure,
+        [samples_entry(word, "ink"), *(line_entry(name, c, **marks) for name, c in names.items())],
+    )
     return figure
 
 
 def back_emf_figure(fit: BackEmf, reference: float, *, word: str) -> Figure:
-    """Draw the DC voltage and the back-EMF of an open circuit over generator speed, with the line through zero (Fig. 12).
+    """Draw the DC voltage and the back-EMF of an open circuit over generator speed, with the line
+    through zero (Fig. 12).
 
     Parameters
     ----------
@@ -63,15 +71,22 @@ def back_emf_figure(fit: BackEmf, reference: float, *, word: str) -> Figure:
     rig: LineStyle = {"ls": (0, (5, 2)), "lw": 0.9}
     stated = []
     if np.isfinite(reference):
-        right.fill_between(ends, 0.9 * reference * ends, 1.1 * reference * ends, color=COLOURS["payout"], lw=0)
+        right.fill_between(
+            ends, 0.9 * reference * ends, 1.1 * reference * ends, color=COLOURS["payout"], lw=0
+        )
         right.plot(ends, reference * ends, color=COLOURS["soft"], **rig)
         stated = [line_entry("rig file", "soft", **rig), patch_entry("rig file ± 10 %", "payout")]
     right.plot(ends, fit.k_e * ends, color=COLOURS["mech"], lw=0.9)
     titles = ("Voltage of the DC link", "Back-EMF, line to line, rms")
-    for ax, letter, title, volt in zip((left, right), "ab", titles, (fit.vdc, fit.v_ll), strict=True):
+    for ax, letter, title, volt in zip(
+        (left, right), "ab", titles, (fit.vdc, fit.v_ll), strict=True
+    ):
         dots(ax, fit.rpm, volt, COLOURS["ink"])
         ax.set(xlim=ends, ylim=(0.0, None))
         label_panel(ax, letter, title, x=SPEED, unit="V")
-    own = [samples_entry(f"{word}, samples used", "ink"), line_entry("line through zero", "mech", lw=0.9)]
+    own = [
+        samples_entry(f"{word}, samples used", "ink"),
+        line_entry("line through zero", "mech", lw=0.9),
+    ]
     legend_above(figure, [*own, *stated])
     return figure

@@ -1,4 +1,6 @@
-"""Figures of a campaign: powers and efficiencies over load (Fig. 7), torque and power over speed for all loads (Fig. 15)."""
+"""Figures of a campaign: powers and efficiencies over load (Fig. 7), torque and power over speed
+for all loads (Fig. 15).
+"""
 
 from __future__ import annotations
 
@@ -53,7 +55,9 @@ _FIELDS = (
 
 
 def over_load(runs: Sequence[LogSummary]) -> Figure | None:
-    """Draw mean powers and efficiencies over the load, with 95 % intervals; over the runs' order where loads are unknown."""
+    """Draw mean powers and efficiencies over the load, with 95 % intervals; over the runs' order
+    where loads are unknown.
+    """
     if not runs:
         return None
     figure, (left, right) = panel_figure(2.9, 1, 2)
@@ -85,7 +89,9 @@ def repeated(runs: Sequence[LogSummary]) -> bool:
 
 
 def comparable(runs: Sequence[LogSummary]) -> list[list[int]]:
-    """Places of the runs that may be joined by a line: those of one window rule and of one kind of data."""
+    """Places of the runs that may be joined by a line: those of one window rule and of one kind
+    of data.
+    """
     kinds = [(rule_of(run), run.origin.measured) for run in runs]
     return [[k for k, other in enumerate(kinds) if other == kind] for kind in dict.fromkeys(kinds)]
 
@@ -115,7 +121,14 @@ def _points(ax: Axes, runs: Sequence[LogSummary], names: Sequence[str], unit: st
             here = np.isin(order, members)
             own_x, own_y = x[order[here]], y[order[here]] * short
             hollow: Any = {"mfc": COLOURS["paper"], "label": "_"} if n else {"label": "_"}
-            ax.errorbar(own_x, own_y, yerr=bars[:, here], capsize=2, **line | {"ls": "none"}, **mark | hollow)
+            ax.errorbar(
+                own_x,
+                own_y,
+                yerr=bars[:, here],
+                capsize=2,
+                **line | {"ls": "none"},
+                **mark | hollow,
+            )
             ax.plot(*(_means(own_x, own_y) if repeated(runs) else (own_x, own_y)), **line)
         ax.plot([], [], **line, **mark)  # for the legend: the points on their line
     if at is not None:
@@ -129,7 +142,9 @@ def _points(ax: Axes, runs: Sequence[LogSummary], names: Sequence[str], unit: st
 
 
 def _means(x: Signal, y: Signal) -> tuple[list[float], list[float]]:
-    """Each load once, and the mean of what its logs give; without the loads of which none gives anything."""
+    """Each load once, and the mean of what its logs give; without the loads of which none gives
+    anything.
+    """
     given = np.isfinite(y)
     loads = np.unique(x[given]).tolist()
     return loads, [float(np.mean(y[given & (x == load)])) for load in loads]
@@ -140,7 +155,9 @@ def _label_loads(ax: Axes, loads: Sequence[float]) -> None:
     ax.set_xscale("log")
     ax.xaxis.set_major_locator(FixedLocator(loads))
     ax.xaxis.set_minor_locator(NullLocator())
-    width = CHARACTER * (1 + max(len(f"{load:g}") for load in loads)) * math.log(loads[-1] / loads[0])
+    width = (
+        CHARACTER * (1 + max(len(f"{load:g}") for load in loads)) * math.log(loads[-1] / loads[0])
+    )
     named: list[float] = []
     for load in loads:
         if not named or math.log(load / named[-1]) > width:
@@ -155,7 +172,10 @@ def drawn_runs(runs: Sequence[LogSummary]) -> list[LogSummary]:
 
 def load_names(runs: Sequence[LogSummary]) -> list[str]:
     """Load of each run with its unit, the name of the log, cut, where it is unknown."""
-    return [_load(run, name) for run, name in zip(runs, cut_apart([run.name for run in runs]), strict=True)]
+    return [
+        _load(run, name)
+        for run, name in zip(runs, cut_apart([run.name for run in runs]), strict=True)
+    ]
 
 
 def _load(run: LogSummary, unknown: str) -> str:
@@ -164,7 +184,9 @@ def _load(run: LogSummary, unknown: str) -> str:
 
 
 def runs_over_speed(runs: Sequence[LogSummary], bins: Bins) -> Figure | None:
-    """Draw binned torque and power over the generator's speed, one curve a run; runs of one load look alike."""
+    """Draw binned torque and power over the generator's speed, one curve a run; runs of one load
+    look alike.
+    """
     names, shown, fields = _binned(runs, bins)
     if not fields:
         return None
@@ -177,7 +199,9 @@ def runs_over_speed(runs: Sequence[LogSummary], bins: Bins) -> Figure | None:
 
 
 def draw_power_over_speed(ax: Axes, runs: Sequence[LogSummary], bins: Bins) -> None:
-    """Draw the power of the last stage that any run has over the speed of the generator, one curve a run."""
+    """Draw the power of the last stage that any run has over the speed of the generator, one
+    curve a run.
+    """
     names, shown, fields = _binned(runs, bins)
     field, title, unit = fields[-1]
     unit = _curves(ax, names, [_curve(found, field) for found in shown], unit)
@@ -188,9 +212,13 @@ def draw_power_over_speed(ax: Axes, runs: Sequence[LogSummary], bins: Bins) -> N
 def _binned(
     runs: Sequence[LogSummary], bins: Bins
 ) -> tuple[list[str], list[Sequence[Mapping[str, float]]], list[tuple[str, str, str]]]:
-    """What the runs that have bins are called, their bins, and which of `_FIELDS` any of them has."""
+    """What the runs that have bins are called, their bins, and which of `_FIELDS` any of them
+    has.
+    """
     drawn = [
-        (name, bins[run.name]) for run, name in zip(drawn_runs(runs), _entries(runs), strict=True) if bins.get(run.name)
+        (name, bins[run.name])
+        for run, name in zip(drawn_runs(runs), _entries(runs), strict=True)
+        if bins.get(run.name)
     ]
     fields = [row for row in _FIELDS if any(row[0] in item for _, found in drawn for item in found)]
     return [name for name, _ in drawn], [found for _, found in drawn], fields
@@ -210,7 +238,14 @@ def _curves(ax: Axes, names: Sequence[str], curves: Sequence[Signal], unit: str)
         colour, mark = load_style(place[name])
         dashes = _DASHES[place[name] // len(LOAD_COLOURS) % len(_DASHES)]
         marks: Any = {"marker": mark, "ms": MARK_SIZE, "mfc": COLOURS["paper"], "mew": 0.7}
-        ax.plot(x, y * short, color=COLOURS[colour], ls=dashes, **marks, markevery=(n % 3, max(1, x.size // 6)))
+        ax.plot(
+            x,
+            y * short,
+            color=COLOURS[colour],
+            ls=dashes,
+            **marks,
+            markevery=(n % 3, max(1, x.size // 6)),
+        )
     return unit
 
 
@@ -221,7 +256,9 @@ def look_alike(runs: Sequence[LogSummary]) -> bool:
 
 
 def _entries(runs: Sequence[LogSummary]) -> list[str]:
-    """What the legend calls the runs that are drawn: their loads, or their numbers in the tables where these are unknown."""
+    """What the legend calls the runs that are drawn: their loads, or their numbers in the tables
+    where these are unknown.
+    """
     return [_load(run, f"log {runs.index(run) + 1}") for run in drawn_runs(runs)]
 
 

@@ -11,7 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart, DiagnosisResult, NamedCause
+from winchcascade.diagnosis.diagnosis_result import (
+    Contribution,
+    ContributionPart,
+    DiagnosisResult,
+    NamedCause,
+)
 from winchcascade.diagnosis.explain.figure_data import profile_of, worst_costs
 from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.report.content import number_text
@@ -29,7 +34,7 @@ from winchcascade.report.glossary import tex, typeset
 from winchcascade.report.wording import load_words
 from winchcascade.rig.parts import ROLLOFF_KNOTS
 
-# --------------------------------------------------------------------------------------------------------- the waterfall
+# ---------------------------------------------------------------------------------- the waterfall
 BAR = 0.155
 """Height of a bar with its margin. [in]"""
 
@@ -43,7 +48,8 @@ def part_name(found: ModelDiagnosis, part: ContributionPart) -> str:
 
 
 def waterfall_figure(found: ModelDiagnosis, word: str) -> Figure | None:
-    """Draw an efficiency from the model of the rig file to that of the runs, cause by cause, at the load of the largest gap.
+    """Draw an efficiency from the model of the rig file to that of the runs, cause by cause, at the
+    load of the largest gap.
 
     Parameters
     ----------
@@ -58,8 +64,12 @@ def waterfall_figure(found: ModelDiagnosis, word: str) -> Figure | None:
     return figure
 
 
-def draw_waterfalls(panels: Sequence[Axes], found: ModelDiagnosis, table: Sequence[Contribution], word: str) -> None:
-    """Draw one waterfall for each load on the same scale, with the names of the bars at the first."""
+def draw_waterfalls(
+    panels: Sequence[Axes], found: ModelDiagnosis, table: Sequence[Contribution], word: str
+) -> None:
+    """Draw one waterfall for each load on the same scale, with the names of the bars at the
+    first.
+    """
     bars = len(table[0].parts) + 2
     span = max(high - low for low, high in map(_extent, table))
     for ax, costs in zip(panels, table, strict=False):
@@ -72,14 +82,22 @@ def draw_waterfalls(panels: Sequence[Axes], found: ModelDiagnosis, table: Sequen
 
 
 def _extent(costs: Contribution) -> tuple[float, float]:
-    """Smallest and largest efficiency that a waterfall passes, with the ends of its intervals. [%]"""
+    """Smallest and largest efficiency that a waterfall passes, with the ends of its intervals.
+    [%]
+    """
     levels = [*accumulate((part.value for part in costs.parts), initial=costs.as_given)]
-    ends = [level + end for level, part in zip(levels, costs.parts, strict=False) for end in (part.low, part.high)]
+    ends = [
+        level + end
+        for level, part in zip(levels, costs.parts, strict=False)
+        for end in (part.low, part.high)
+    ]
     return min(costs.measured, *levels, *ends), max(costs.measured, *levels, *ends)
 
 
 def _waterfall(ax: Axes, costs: Contribution, span: float) -> None:
-    """Draw the waterfall of one load, from above, on an axis that is wider than the span of the widest [points]."""
+    """Draw the waterfall of one load, from above, on an axis that is wider than the span of the
+    widest [points].
+    """
     low, high = _extent(costs)
     middle, half = 0.5 * (low + high), max(0.85 * span, 0.5)
     left, level, end = middle - half, costs.as_given, len(costs.parts) + 1
@@ -94,7 +112,13 @@ def _waterfall(ax: Axes, costs: Contribution, span: float) -> None:
         ax.barh(place, part.value, left=level, height=0.66, color=COLOURS[colour], lw=0)
         ax.plot([level + part.low, level + part.high], [place, place], color=COLOURS["ink"], lw=0.8)
         right = level + max(part.value, 0.0, part.high)
-        ax.text(right, place, f" {typeset(number_text(part.value, 1, signed=True))}", va="center", fontsize=6.8)
+        ax.text(
+            right,
+            place,
+            f" {typeset(number_text(part.value, 1, signed=True))}",
+            va="center",
+            fontsize=6.8,
+        )
         level += part.value
     ax.plot([level, level], [end - 1.33, end + 0.33], color=COLOURS["soft"], lw=0.5)
     ax.set_xlim(left, middle + 1.25 * half)
@@ -103,9 +127,11 @@ def _waterfall(ax: Axes, costs: Contribution, span: float) -> None:
     ax.grid(False, axis="y")
 
 
-# ---------------------------------------------------------------------------------------------------------- the roll-off
+# ----------------------------------------------------------------------------------- the roll-off
 def profile_figure(found: ModelDiagnosis) -> Figure | None:
-    """Draw the roll-off of the back-EMF constant over the stator current with its band (Fig. 18e)."""
+    """Draw the roll-off of the back-EMF constant over the stator current with its band (Fig.
+    18e).
+    """
     profile = profile_of(found)
     if profile is None:
         return None
@@ -132,7 +158,7 @@ def profile_figure(found: ModelDiagnosis) -> Figure | None:
     return figure
 
 
-# ----------------------------------------------------------------------------------------------------------- run by run
+# ------------------------------------------------------------------------------------- run by run
 NAMED_RUNS = 8
 """Maximum number of runs of which each is named by its load."""
 
@@ -147,7 +173,9 @@ MARKED = {"order": "drifts", "load": "changes with the load", "scatter": "scatte
 
 
 def stability_figure(found: DiagnosisResult) -> Figure | None:
-    """Draw the number of each cause in every run, one panel per cause, with the joint number and its interval."""
+    """Draw the number of each cause in every run, one panel per cause, with the joint number and
+    its interval.
+    """
     causes = [cause for cause in found.causes if runs_with_number(cause)]
     if not causes:
         return None
@@ -169,12 +197,19 @@ def stability_figure(found: DiagnosisResult) -> Figure | None:
 
 def _run_by_run(ax: Axes, found: DiagnosisResult, cause: NamedCause) -> None:
     """Draw the numbers of one cause over the runs."""
-    how, joint, stability = shown_as(found, cause), next(iter(cause.parameters.values())), cause.stability
+    how, joint, stability = (
+        shown_as(found, cause),
+        next(iter(cause.parameters.values())),
+        cause.stability,
+    )
     if stability is None:
         return
     table = np.array([(one.value, one.low, one.high) for one in stability.runs]) * how.factor
     at, (value, low, high) = np.arange(1, len(table) + 1), table.T
-    band = np.array([joint.low, joint.high] if joint.determined else [joint.value, joint.value]) * how.factor
+    band = (
+        np.array([joint.low, joint.high] if joint.determined else [joint.value, joint.value])
+        * how.factor
+    )
     ax.axhspan(*band, color=COLOURS["gen"], alpha=0.25, lw=0)
     ax.axhline(joint.value * how.factor, color=COLOURS["gen"], lw=1.2)
     ax.vlines(at, low, high, color=COLOURS["ink"], lw=1.1)
@@ -193,5 +228,7 @@ def _run_by_run(ax: Axes, found: DiagnosisResult, cause: NamedCause) -> None:
     marks = ", ".join(MARKED[trend.along] for trend in stability.trends)
     title = f"{found.suspects[cause.effect].label}{f': {marks}' if marks else ''}"
     what = f"{how.what} ({how.unit})" if how.unit else how.what
-    ax.set_title(f"{broken(title, TITLE)}\n{what}", fontsize=7.2, color=COLOURS["mech" if marks else "ink"])
+    ax.set_title(
+        f"{broken(title, TITLE)}\n{what}", fontsize=7.2, color=COLOURS["mech" if marks else "ink"]
+    )
     ax.grid(False, axis="x")

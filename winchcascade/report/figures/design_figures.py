@@ -1,4 +1,6 @@
-"""Figures of a design: best load over generator speed, power and efficiency over line speed at each load."""
+"""Figures of a design: best load over generator speed, power and efficiency over line speed at
+each load.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from winchcascade.design.design import METRIC, Design
-from winchcascade.report.figures.style import COLOURS, label_panel, legend_above, line_entry, load_style, panel_figure
+from winchcascade.report.figures.style import (
+    COLOURS,
+    label_panel,
+    legend_above,
+    line_entry,
+    load_style,
+    panel_figure,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,7 +28,9 @@ LOOKS = {"power": ("gen", "o"), "efficiency": ("mech", "s")}
 """Colour and marker of each criterion."""
 
 
-OUTSIDE = line_entry("outside what the logs cover", "soft", ls="--", marker="o", ms=4, mfc=COLOURS["paper"])
+OUTSIDE = line_entry(
+    "outside what the logs cover", "soft", ls="--", marker="o", ms=4, mfc=COLOURS["paper"]
+)
 """Entry of a legend for points that the logs do not cover."""
 
 
@@ -38,7 +49,10 @@ def schedule_figure(found: Design) -> Figure | None:
         _points(axes, middle, load, inside, colour, mark)
     axes.set(xlabel="Generator speed (rpm)", ylabel="Load (Ω)")
     axes.set_ylim(bottom=0.0)
-    most = [line_entry(f"most {name}", colour, marker=mark, ms=4) for name, (colour, mark) in LOOKS.items()]
+    most = [
+        line_entry(f"most {name}", colour, marker=mark, ms=4)
+        for name, (colour, mark) in LOOKS.items()
+    ]
     legend_above(figure, [*most, OUTSIDE])
     return figure
 
@@ -66,7 +80,8 @@ def map_figure(found: Design) -> Figure:
         over = np.array([bool(row.exceeds) for row in own], dtype=bool)
         for axes, name in zip(panels, ("p_gen_w", "eta_pto"), strict=True):
             value, low, high = (
-                np.array([getattr(row.values[name], end) for row in own]) for end in ("value", "low", "high")
+                np.array([getattr(row.values[name], end) for row in own])
+                for end in ("value", "low", "high")
             )
             axes.fill_between(speed, low, high, color=COLOURS[colour], alpha=0.2, lw=0)
             _points(axes, speed, value, inside, colour, mark)

@@ -1,4 +1,6 @@
-"""Figures of the gap of a diagnosis: maps by channel and phase, one cycle over time, channels and errors over speed."""
+"""Figures of the gap of a diagnosis: maps by channel and phase, one cycle over time, channels
+and errors over speed.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +18,21 @@ from winchcascade.diagnosis.explain.figure_data import SimulatedCycle, by_load, 
 from winchcascade.diagnosis.explain.gap_map import STANDS_OUT
 from winchcascade.diagnosis.fit.block_means import HAUL_IN, PAYOUT, PHASES
 from winchcascade.diagnosis.fit.predict import CHANNELS
-from winchcascade.report.diagnosis_names import NAMES, baseline_words, channel_words, phase_words, signed
-from winchcascade.report.figures.histories import Curve, History, Mark, Panel, repaired_spans, thinned
+from winchcascade.report.diagnosis_names import (
+    NAMES,
+    baseline_words,
+    channel_words,
+    phase_words,
+    signed,
+)
+from winchcascade.report.figures.histories import (
+    Curve,
+    History,
+    Mark,
+    Panel,
+    repaired_spans,
+    thinned,
+)
 from winchcascade.report.figures.style import (
     COLOURS,
     LOAD_COLOURS,
@@ -42,7 +57,14 @@ if TYPE_CHECKING:
 AFTER = "with the fitted effects"
 """Name of the simulation with the causes in every legend."""
 
-HOLLOW: LineStyle = {"ls": "none", "marker": "o", "ms": 3.2, "mew": 0.7, "mfc": "none", "color": COLOURS["mech"]}
+HOLLOW: LineStyle = {
+    "ls": "none",
+    "marker": "o",
+    "ms": 3.2,
+    "mew": 0.7,
+    "mfc": "none",
+    "color": COLOURS["mech"],
+}
 FILLED: LineStyle = {"ls": "none", "marker": "s", "ms": 3.0, "mew": 0.0, "color": COLOURS["gen"]}
 
 MARKED = {"before": HOLLOW, "after": FILLED}
@@ -68,32 +90,45 @@ def quantity_label(channel: str) -> str:
     return f"{upper(NAMES[channel])} ({typeset(TERMS[channel].unit)})"
 
 
-# ------------------------------------------------------------------------------------------------------ maps of the gap
+# -------------------------------------------------------------------------------- maps of the gap
 FULL = 20.0
 """Standard uncertainties at which a cell of the map has its full colour."""
 
 STRONGEST, WEAKEST = 0.75, 0.18
-"""Opacity of the full colour, under which its number can still be read, and of a cell that is just significant."""
+"""Opacity of the full colour, under which its number can still be read, and of a cell that is
+just significant.
+"""
 
 Cells = Mapping[tuple[str, str, int], float]
 """Numbers of standard uncertainties by channel or stage, phase and log."""
 
 
 def gap_map(found: ModelDiagnosis) -> Figure | None:
-    """Draw the bias of each channel and phase (rows) at each load (columns) over its standard uncertainty."""
+    """Draw the bias of each channel and phase (rows) at each load (columns) over its standard
+    uncertainty.
+    """
     return _map(found, *_gaps(found))
 
 
 def draw_gap_map(ax: Axes, found: DiagnosisResult) -> None:
-    """Draw the map of `gap_map` on given axes; without a model, the gap of all logs together by phase."""
+    """Draw the map of `gap_map` on given axes; without a model, the gap of all logs together by
+    phase.
+    """
     columns = _by_load(found) if isinstance(found, ModelDiagnosis) else {-1: "all logs"}
     _draw_map(ax, columns, *_gaps(found))
 
 
 def stage_map(found: ModelDiagnosis) -> Figure | None:
-    """Draw the bias of each stage's output, from its own inputs, by phase (rows) and load (columns), as `gap_map`."""
+    """Draw the bias of each stage's output, from its own inputs, by phase (rows) and load
+    (columns), as `gap_map`.
+    """
     ends = {p.stage: p.channel for p in found.stages}
-    names = {(s, p): f"{s}: {NAMES[ends[s]]}, {phase_words(p)}" for s in STAGES if s in ends for p in PHASES}
+    names = {
+        (s, p): f"{s}: {NAMES[ends[s]]}, {phase_words(p)}"
+        for s in STAGES
+        if s in ends
+        for p in PHASES
+    }
     return _map(found, names, {(p.stage, p.phase, p.log): p.z for p in found.stages})
 
 
@@ -102,11 +137,16 @@ def _gaps(found: DiagnosisResult) -> tuple[dict[tuple[str, str], str], Cells]:
     if isinstance(found, ModelDiagnosis):
         names = {(c, p): f"{NAMES[c]}, {phase_words(p)}" for c in CHANNELS for p in PHASES}
     else:
-        names = {(p.channel, p.phase): f"{channel_words(p.channel)}, {phase_words(p.phase)}" for p in found.places}
+        names = {
+            (p.channel, p.phase): f"{channel_words(p.channel)}, {phase_words(p.phase)}"
+            for p in found.places
+        }
     return names, {(p.channel, p.phase, p.log): p.z for p in found.places}
 
 
-def _map(found: ModelDiagnosis, names: Mapping[tuple[str, str], str], cells: Cells) -> Figure | None:
+def _map(
+    found: ModelDiagnosis, names: Mapping[tuple[str, str], str], cells: Cells
+) -> Figure | None:
     rows = {key[:2] for key in cells}
     if not rows:
         return None
@@ -125,8 +165,12 @@ def _by_load(found: ModelDiagnosis) -> dict[int, str]:
     }
 
 
-def _draw_map(ax: Axes, columns: Mapping[int, str], names: Mapping[tuple[str, str], str], cells: Cells) -> None:
-    """Draw the numbers as a matrix of colours, a column for each log; a row without a cell is left out."""
+def _draw_map(
+    ax: Axes, columns: Mapping[int, str], names: Mapping[tuple[str, str], str], cells: Cells
+) -> None:
+    """Draw the numbers as a matrix of colours, a column for each log; a row without a cell is
+    left out.
+    """
     rows = [row for row in names if any(key[:2] == row for key in cells)]
     for i, (kind, phase) in enumerate(rows):
         for j, log in enumerate(columns):
@@ -153,12 +197,22 @@ def _cell(ax: Axes, i: int, j: int, z: float) -> None:
         color=COLOURS[colour], alpha=alpha, lw=0,
     )  # fmt: skip
     weight = "bold" if beyond else "normal"
-    ax.text(j, i, signed(z), ha="center", va="center", fontsize=7.0, fontweight=weight, color=COLOURS["ink"])
+    ax.text(
+        j,
+        i,
+        signed(z),
+        ha="center",
+        va="center",
+        fontsize=7.0,
+        fontweight=weight,
+        color=COLOURS["ink"],
+    )
 
 
-# ------------------------------------------------------------------------------------------------------- over time
+# -------------------------------------------------------------------------------------- over time
 def cycle_history(found: ModelDiagnosis, item: SimulatedCycle, word: str) -> History:
-    """The channels of one cycle as logged, by the model of the rig file, and with the fitted effects, later ones above.
+    """The channels of one cycle as logged, by the model of the rig file, and with the fitted
+    effects, later ones above.
 
     Parameters
     ----------
@@ -166,10 +220,14 @@ def cycle_history(found: ModelDiagnosis, item: SimulatedCycle, word: str) -> His
     """
     run = found.data.logs[item.log].run
     here, count = [name for name in CHANNELS if name in run.channels], len(item.sides)
-    full = [side[:, CHANNELS.index(name)] * TERMS[name].factor for name in here for side in item.sides]
+    full = [
+        side[:, CHANNELS.index(name)] * TERMS[name].factor for name in here for side in item.sides
+    ]
     t, curves = thinned(item.t, full)
     looks = ((word, "ink", "-"), (baseline_words(found), "mech", DASHES), (AFTER, "gen", "-"))
-    ends = [np.clip(span, t[0], t[-1]).tolist() for span in repaired_spans(run, CHANNELS, item.onset)]
+    ends = [
+        np.clip(span, t[0], t[-1]).tolist() for span in repaired_spans(run, CHANNELS, item.onset)
+    ]
     repaired = [(begin, end) for begin, end in ends if begin < end]
     panels = []
     for k, name in enumerate(here):
@@ -177,11 +235,14 @@ def cycle_history(found: ModelDiagnosis, item: SimulatedCycle, word: str) -> His
         lines = [Curve(label, curve, colour, dashes) for (label, colour, dashes), curve in drawn]
         panels.append(Panel(upper(NAMES[name]), typeset(TERMS[name].unit), lines, repaired))
     return History(
-        t, "Time since the onset of the payout (s)", panels, [Mark("payout", "payout", [(0.0, item.payout_end)])]
+        t,
+        "Time since the onset of the payout (s)",
+        panels,
+        [Mark("payout", "payout", [(0.0, item.payout_end)])],
     )
 
 
-# ------------------------------------------------------------------------------------------------------ Figs 18a, c, d
+# --------------------------------------------------------------------------------- Figs 18a, c, d
 QUANTITIES = (
     ("Current of the DC link", "A", ("idc",)),
     ("Torque of the PTO shaft", "N·m", ("torque",)),
@@ -191,9 +252,11 @@ QUANTITIES = (
 
 
 def over_speed_figure(found: ModelDiagnosis, table: pd.DataFrame, word: str) -> Figure | None:
-    """Draw current, torque and power over generator speed at a light, a middle and a heavy load (Figs 18a, 18c, 18d).
+    """Draw current, torque and power over generator speed at a light, a middle and a heavy load
+    (Figs 18a, 18c, 18d).
 
-    The log is a line, the model of the rig file open circles, and the model with the causes filled squares.
+    The log is a line, the model of the rig file open circles, and the model with the causes filled
+    squares.
     """
     loaded = [k for k in by_load(found) if math.isfinite(found.data.logs[k].load)]
     logs = list(dict.fromkeys([*loaded[:1], *loaded[len(loaded) // 2 :][:1], *loaded[-1:]]))
@@ -212,7 +275,9 @@ def over_speed_figure(found: ModelDiagnosis, table: pd.DataFrame, word: str) -> 
         ax.set(xlim=(0.0, None), ylim=(0.0, None))
         shaded |= shade_over_speed(ax, None if rated is None else rated.value * 30.0 / math.pi)
         label_panel(ax, "abc"[n], title, x="Generator speed (rpm)", unit=unit)
-    loads = [line_entry(load_words(found.runs[k].load), colour, lw=1.2) for k, colour in colours.items()]
+    loads = [
+        line_entry(load_words(found.runs[k].load), colour, lw=1.2) for k, colour in colours.items()
+    ]
     over = [patch_entry("over rated speed", "over")] if shaded else []
     legend_above(figure, [line_entry(word, lw=1.2), *_side_entries(found, "ink"), *over, *loads])
     return figure
@@ -225,13 +290,15 @@ def _side_entries(found: ModelDiagnosis, colour: str = "") -> list[Entry]:
     return [line_entry(name, **mark) for name, mark in zip(names, marks, strict=False)]
 
 
-# ------------------------------------------------------------------------------------------------------------- Fig 18b
+# ---------------------------------------------------------------------------------------- Fig 18b
 OVER_SPEED = ("torque", "vdc")
 """Channels whose errors are drawn over generator speed; others over themselves."""
 
 
 def error_figure(found: ModelDiagnosis, table: pd.DataFrame, word: str) -> Figure | None:
-    """Draw errors before and after with the band of noise: of current and channel of the gap (Fig. 18b)."""
+    """Draw errors before and after with the band of noise: of current and channel of the gap
+    (Fig. 18b).
+    """
     own = found.where.worst.channel if found.where is not None else ""
     panels = [channel for channel in dict.fromkeys(("idc", own)) if channel in {*table.channel}]
     if not panels:
@@ -239,7 +306,10 @@ def error_figure(found: ModelDiagnosis, table: pd.DataFrame, word: str) -> Figur
     figure, axes = panel_figure(2.6, 1, len(panels))
     for letter, ax, channel in zip("ab", axes, panels, strict=False):
         phases = (PAYOUT, HAUL_IN) if channel in ("force", "pressure") else (PAYOUT,)
-        blocks, factor = table[(table.channel == channel) & table.phase.isin(phases)], TERMS[channel].factor
+        blocks, factor = (
+            table[(table.channel == channel) & table.phase.isin(phases)],
+            TERMS[channel].factor,
+        )
         half = BAND * float(blocks.noise.median()) * factor
         ax.axhspan(-half, half, color=COLOURS["loss"], alpha=0.6, lw=0, zorder=0.5)
         at = blocks.rpm if channel in OVER_SPEED else blocks.logged * factor
@@ -249,5 +319,8 @@ def error_figure(found: ModelDiagnosis, table: pd.DataFrame, word: str) -> Figur
         ax.set_title(f"({letter}) {title}" if len(panels) > 1 else title)
         over = "Generator speed (rpm)" if channel in OVER_SPEED else quantity_label(channel)
         ax.set(xlabel=over, ylabel=f"Difference ({typeset(TERMS[channel].unit)})")
-    legend_above(figure, [*_side_entries(found), patch_entry("noise, 95 % in the middle", "loss", alpha=0.6, lw=0)])
+    legend_above(
+        figure,
+        [*_side_entries(found), patch_entry("noise, 95 % in the middle", "loss", alpha=0.6, lw=0)],
+    )
     return figure

@@ -1,4 +1,6 @@
-"""Time histories: what is drawn over time, as a figure and as the JSON of the interactive ones of a page."""
+"""Time histories: what is drawn over time, as a figure and as the JSON of the interactive ones
+of a page.
+"""
 
 from __future__ import annotations
 
@@ -72,7 +74,9 @@ Span = tuple[float, float]
 
 
 class Curve(NamedTuple):
-    """A curve over time: its name, as in a page and, where that differs, in a figure, its values, (n,), and its look."""
+    """A curve over time: its name, as in a page and, where that differs, in a figure, its
+    values, (n,), and its look.
+    """
 
     name: str
     values: Signal
@@ -82,7 +86,9 @@ class Curve(NamedTuple):
 
 
 class Panel(NamedTuple):
-    """A quantity over time: its title and unit, its curves in that unit, and the stretches in which they were repaired."""
+    """A quantity over time: its title and unit, its curves in that unit, and the stretches in
+    which they were repaired.
+    """
 
     title: str
     unit: str
@@ -91,7 +97,9 @@ class Panel(NamedTuple):
 
 
 class Mark(NamedTuple):
-    """Stretches that every panel shades, or, with dashes, instants at which it has a line: what they are, and their colour."""
+    """Stretches that every panel shades, or, with dashes, instants at which it has a line: what
+    they are, and their colour.
+    """
 
     name: str
     colour: str
@@ -100,7 +108,9 @@ class Mark(NamedTuple):
 
 
 class History(NamedTuple):
-    """Panels one below the other, their instants, (n,) [s], the label of these, and what all panels mark."""
+    """Panels one below the other, their instants, (n,) [s], the label of these, and what all
+    panels mark.
+    """
 
     t: Signal
     label: str
@@ -108,15 +118,19 @@ class History(NamedTuple):
     marks: Sequence[Mark]
 
 
-# ----------------------------------------------------------------------------------------------------------- figure and page
+# -------------------------------------------------------------------------------- figure and page
 def history_figure(history: History) -> Figure:
     """Draw the panels of a history, with one legend above them."""
     panels = history.panels
     figure, axes = panel_figure(0.6 + 0.95 * len(panels), len(panels), share="x")
     draw_history(axes, history)
     several = [curve for panel in panels if len(panel.curves) > 1 for curve in panel.curves]
-    named = {c.symbol or c.name: line_entry(c.symbol or c.name, c.colour, ls=c.dashes) for c in several}
-    repaired = [patch_entry(REPAIRED, "repaired")] if any(panel.repaired for panel in panels) else []
+    named = {
+        c.symbol or c.name: line_entry(c.symbol or c.name, c.colour, ls=c.dashes) for c in several
+    }
+    repaired = (
+        [patch_entry(REPAIRED, "repaired")] if any(panel.repaired for panel in panels) else []
+    )
     entries = [*named.values(), *mark_entries(history.marks), *repaired]
     if entries:
         legend_above(figure, entries)
@@ -129,7 +143,11 @@ def draw_history(axes: Sequence[Axes], history: History) -> None:
     for ax, letter, panel in zip(axes, ascii_lowercase, history.panels[-len(axes) :], strict=False):
         short, unit = readable(panel.unit, *(curve.values for curve in panel.curves))
         for curve in panel.curves:
-            style: Any = {"color": COLOURS[curve.colour], "ls": curve.dashes, "label": curve.symbol or curve.name}
+            style: Any = {
+                "color": COLOURS[curve.colour],
+                "ls": curve.dashes,
+                "label": curve.symbol or curve.name,
+            }
             ax.plot(history.t, curve.values * short, **style)
         label_panel(ax, letter, panel.title, unit=unit)
         ax.set_xlim(history.t[0], history.t[-1])
@@ -144,10 +162,14 @@ def draw_marks(ax: Axes, marks: Sequence[Mark]) -> None:
     for mark in marks:
         if mark.dashes:
             at = [begin for begin, _ in mark.spans]
-            ax.vlines(at, 0.0, 1.0, transform=across, colors=COLOURS[mark.colour], ls=mark.dashes, lw=0.7)
+            ax.vlines(
+                at, 0.0, 1.0, transform=across, colors=COLOURS[mark.colour], ls=mark.dashes, lw=0.7
+            )
         else:
             bars = [(begin, end - begin) for begin, end in mark.spans]
-            ax.broken_barh(bars, (0.0, 1.0), transform=across, fc=COLOURS[mark.colour], lw=0, zorder=0.1)
+            ax.broken_barh(
+                bars, (0.0, 1.0), transform=across, fc=COLOURS[mark.colour], lw=0, zorder=0.1
+            )
     ax.set_xlim(limits)
 
 
@@ -155,7 +177,9 @@ def mark_repaired(ax: Axes, spans: Sequence[Span]) -> None:
     """Mark stretches at the lower edge of a panel; a mark is never narrower than its outline."""
     bars, limits = [(begin, end - begin) for begin, end in spans], ax.get_xlim()
     colour, across = COLOURS["repaired"], ax.get_xaxis_transform()
-    ax.broken_barh(bars, (0.0, REPAIRED_HEIGHT), transform=across, fc=colour, ec=colour, lw=0.8, zorder=1.5)
+    ax.broken_barh(
+        bars, (0.0, REPAIRED_HEIGHT), transform=across, fc=colour, ec=colour, lw=0.8, zorder=1.5
+    )
     ax.set_xlim(limits)
 
 
@@ -200,7 +224,9 @@ def plain(x: Signal) -> list[float | None]:
     return [float(f"{value:.6g}") if np.isfinite(value) else None for value in x.tolist()]
 
 
-def thinned(t: Signal, curves: Sequence[Signal], points: int = POINTS) -> tuple[Signal, list[Signal]]:
+def thinned(
+    t: Signal, curves: Sequence[Signal], points: int = POINTS
+) -> tuple[Signal, list[Signal]]:
     """Instants and curves of a log with the peaks of each, two instants for each bin of samples.
 
     The larger one stands first where a curve falls within the bin.
@@ -224,12 +250,16 @@ def thinned(t: Signal, curves: Sequence[Signal], points: int = POINTS) -> tuple[
     return times, found
 
 
-# ---------------------------------------------------------------------------------------------------------------- of a log
+# --------------------------------------------------------------------------------------- of a log
 def log_history(reduction: Reduction) -> History:
-    """Every channel and the powers over the whole log, with phases and windows (the paper's Fig. 5)."""
+    """Every channel and the powers over the whole log, with phases and windows (the paper's Fig.
+    5).
+    """
     run, zero = reduction.run, clock_zero(reduction.run)
     powers = powers_of(reduction)
-    channels = [row for row in channels_drawn(run, reduction.rig) if row[0] != "power_mech"]  # a power of a stage
+    channels = [
+        row for row in channels_drawn(run, reduction.rig) if row[0] != "power_mech"
+    ]  # a power of a stage
     signals = [run.channels[name] * factor for name, *_, factor in channels]
     t, curves = thinned(run.t - zero, [*signals, *powers.values()])
     panels = [
@@ -237,8 +267,13 @@ def log_history(reduction: Reduction) -> History:
         for (name, title, unit, _), curve in zip(channels, curves, strict=False)
     ]
     if powers:
-        drawn = [power_curve(stage, curve) for stage, curve in zip(powers, curves[len(channels) :], strict=True)]
-        panels.append(Panel("Power", "W", drawn, repaired_spans(run, power_sources(reduction, powers), zero)))
+        drawn = [
+            power_curve(stage, curve)
+            for stage, curve in zip(powers, curves[len(channels) :], strict=True)
+        ]
+        panels.append(
+            Panel("Power", "W", drawn, repaired_spans(run, power_sources(reduction, powers), zero))
+        )
     shaded = reduction.cycles if len(reduction.cycles) <= SHADED_CYCLES else ()
     return History(t, time_label(run), panels, phase_marks(reduction, shaded, zero))
 
@@ -247,7 +282,9 @@ def run_history(run: Run, names: Collection[str]) -> History:
     """Some channels of a log over its whole length, a panel for each."""
     zero, rig = clock_zero(run), given_rig("plot", None, run.rig)
     channels = [row for row in channels_drawn(run, rig) if row[0] in names]
-    t, curves = thinned(run.t - zero, [run.channels[name] * factor for name, *_, factor in channels])
+    t, curves = thinned(
+        run.t - zero, [run.channels[name] * factor for name, *_, factor in channels]
+    )
     panels = [
         Panel(title, unit, [Curve("", curve)], repaired_spans(run, (name,), zero))
         for (name, title, unit, _), curve in zip(channels, curves, strict=True)
@@ -258,20 +295,37 @@ def run_history(run: Run, names: Collection[str]) -> History:
 def power_curve(stage: str, watts: Signal) -> Curve:
     """The power of a stage in its look."""
     look = look_of(stage)
-    return Curve(typeset(metric(f"power_{stage}").symbol), watts, look.colour, look.dashes, tex(f"power_{stage}"))
+    return Curve(
+        typeset(metric(f"power_{stage}").symbol),
+        watts,
+        look.colour,
+        look.dashes,
+        tex(f"power_{stage}"),
+    )
 
 
 def phase_marks(reduction: Reduction, cycles: Sequence[CycleResult], zero: float) -> list[Mark]:
-    """Payouts, holds and the ends of the windows of some cycles, dotted lines of incomplete ones."""
+    """Payouts, holds and the ends of the windows of some cycles, dotted lines of incomplete
+    ones.
+    """
     marks = [
-        Mark(span_word(reduction), "payout", [(c.phases.onset, c.phases.payout_end) for c in cycles]),
+        Mark(
+            span_word(reduction), "payout", [(c.phases.onset, c.phases.payout_end) for c in cycles]
+        ),
         Mark("hold", "hold", [c.phases.hold for c in cycles if c.phases.hold is not None]),
     ]
-    for complete, name, dash in ((True, "integration window", "--"), (False, "of an incomplete cycle", ":")):
-        edges = [e for c in cycles if c.complete is complete for e in (c.window.onset, c.window.cutoff)]
+    for complete, name, dash in (
+        (True, "integration window", "--"),
+        (False, "of an incomplete cycle", ":"),
+    ):
+        edges = [
+            e for c in cycles if c.complete is complete for e in (c.window.onset, c.window.cutoff)
+        ]
         marks.append(Mark(name, "soft", [(edge, edge) for edge in edges], dash))
     return [
-        mark._replace(spans=[(begin - zero, end - zero) for begin, end in mark.spans]) for mark in marks if mark.spans
+        mark._replace(spans=[(begin - zero, end - zero) for begin, end in mark.spans])
+        for mark in marks
+        if mark.spans
     ]
 
 
@@ -287,7 +341,9 @@ def power_sources(reduction: Reduction, stages: Iterable[str]) -> tuple[str, ...
     channels, r_drum = reduction.run.channels, reduction.rig.r_drum
     wanted = set(stages)
     found = [s.power(channels, r_drum) for s in reduction.rig.cascade.stages if s.name in wanted]
-    return tuple(dict.fromkeys(name for product in found if product is not None for name in product.channels))
+    return tuple(
+        dict.fromkeys(name for product in found if product is not None for name in product.channels)
+    )
 
 
 def channels_drawn(run: Run, rig: Rig) -> list[tuple[str, str, str, float]]:
@@ -297,13 +353,21 @@ def channels_drawn(run: Run, rig: Rig) -> list[tuple[str, str, str, float]]:
 
 
 def _unit_drawn(channel: Channel) -> tuple[str, float]:
-    """Unit of a channel of the rig's own, and what turns SI units into it: that of SI for one with a zero of its own."""
+    """Unit of a channel of the rig's own, and what turns SI units into it: that of SI for one
+    with a zero of its own.
+    """
     found = find_unit(channel.unit)
-    return (si_unit(channel.dimension), 1.0) if found is None or found.offset else (channel.unit, 1.0 / found.factor)
+    return (
+        (si_unit(channel.dimension), 1.0)
+        if found is None or found.offset
+        else (channel.unit, 1.0 / found.factor)
+    )
 
 
 def repaired_spans(run: Run, channels: Sequence[str], zero: float) -> list[Span]:
-    """Stretches since an instant in which any of the channels was bridged, those that nearly touch as one. [s]"""
+    """Stretches since an instant in which any of the channels was bridged, those that nearly
+    touch as one. [s]
+    """
     near, spans = NEAR * float(run.t[-1] - run.t[0]), list[Span]()
     for begin, end in (all_gaps(run, channels) - zero).tolist():
         if spans and begin <= spans[-1][1] + near:

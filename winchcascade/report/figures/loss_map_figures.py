@@ -33,7 +33,14 @@ def loss_figure(found: LossMap, labels: tuple[str, str]) -> Figure:
         if np.ptp(found.motion) > 0.0 and np.ptp(found.load) > 0.0:
             heat = ax.contourf(found.motion, found.load, values, LEVELS, cmap=_HEAT)
             figure.colorbar(heat, ax=ax)
-            ax.contourf(found.motion, found.load, outside, levels=[0.0, 2.0], colors="none", hatches=["////"])
+            ax.contourf(
+                found.motion,
+                found.load,
+                outside,
+                levels=[0.0, 2.0],
+                colors="none",
+                hatches=["////"],
+            )
         ax.plot(*points, "o", ms=2.2, mew=0.4, mfc="none", mec=COLOURS["ink"])
         label_panel(ax, letter, title, x=labels[0])
     panels[0].set_ylabel(labels[1])

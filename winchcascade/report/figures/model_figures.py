@@ -1,4 +1,5 @@
-"""Figures of a log against its simulation, for one log and for all loads: log solid, simulation markers (Figs 13 to 17).
+"""Figures of a log against its simulation, for one log and for all loads: log solid, simulation
+markers (Figs 13 to 17).
 
 Also the loss budget as stacked bars: where the energy of the line goes, load by load.
 """
@@ -12,7 +13,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from winchcascade.diagnosis.explain.model_comparison import GROUPS, HAUL_IN, ComparedCurve, LossBudget
+from winchcascade.diagnosis.explain.model_comparison import (
+    GROUPS,
+    HAUL_IN,
+    ComparedCurve,
+    LossBudget,
+)
 from winchcascade.report.content import number_text
 from winchcascade.report.figures.style import (
     COLOURS,
@@ -34,7 +40,9 @@ SPEED = "Generator speed (rpm)"
 
 
 class Shown(NamedTuple):
-    """How a quantity is shown: its title, its unit, what a caption states of its panel, and the label of what it is over."""
+    """How a quantity is shown: its title, its unit, what a caption states of its panel, and the
+    label of what it is over.
+    """
 
     title: str
     unit: str
@@ -48,17 +56,21 @@ SHOWN = {
     ),
     "force_n": Shown("Line tension", "N", "line tension over line velocity (haul-ins left of zero)", "Line velocity (m/s)"),
     "power_gen_w": Shown("Power at the DC link", "W", "power at the DC link over generator speed"),
-    "torque_nm": Shown("Torque of the PTO shaft", "N·m", "torque of the PTO shaft over generator speed"),
+    "torque_nm": Shown("Torque of the PTO shaft", "N·m", "torque of the PTO shaft over generator "
+                                                         "speed"),
     "vdc_v": Shown("Voltage of the DC link", "V", "voltage of the DC link over generator speed"),
     "idc_a": Shown("Current of the DC link", "A", "current of the DC link over generator speed"),
-    "resistance_ohm": Shown("Apparent resistance", "Ω", "apparent resistance Vdc / Idc over generator speed"),
+    "resistance_ohm": Shown("Apparent resistance", "Ω", "apparent resistance Vdc / Idc over "
+                                                        "generator speed"),
     "loss_w": Shown(
         "Electrical-side loss", "W",
-        "electrical-side loss P_mech - P_gen (Eq. 11 of Hsu et al. 2026) without stored energy over generator speed",
+        "electrical-side loss P_mech - P_gen (Eq. 11 of Hsu et al. 2026) without stored energy "
+        "over generator speed",
     ),
     "eta_gen": Shown(
         "Efficiency, electrical side", "1",
-        "efficiency of the electrical stage, mean P_gen over mean P_mech of each bin (Eq. 6) without stored energy over "
+        "efficiency of the electrical stage, mean P_gen over mean P_mech of each bin (Eq. 6) "
+        "without stored energy over "
         "generator speed",
     ),
 }  # fmt: skip
@@ -75,7 +87,9 @@ BACK: Dashes = (0, (2.5, 1.2))
 
 
 class Drawn(NamedTuple):
-    """One log in a figure: its name, its curves, colours of log and simulation, and the simulation's marker."""
+    """One log in a figure: its name, its curves, colours of log and simulation, and the
+    simulation's marker.
+    """
 
     name: str
     curves: Mapping[str, ComparedCurve]
@@ -84,12 +98,18 @@ class Drawn(NamedTuple):
     mark: str = "o"
 
 
-def styled_by_load(names: Sequence[str], curves: Sequence[Mapping[str, ComparedCurve]]) -> list[Drawn]:
-    """Give each of several loads a colour and a marker of its own; logs of one load look alike, a single one is in ink."""
+def styled_by_load(
+    names: Sequence[str], curves: Sequence[Mapping[str, ComparedCurve]]
+) -> list[Drawn]:
+    """Give each of several loads a colour and a marker of its own; logs of one load look alike,
+    a single one is in ink.
+    """
     if len(names) == 1:
         return [Drawn("", curves[0])]
     found = {name: load_style(k) for k, name in enumerate(dict.fromkeys(names))}
-    return [Drawn(name, c, found[name][0], *found[name]) for name, c in zip(names, curves, strict=True)]
+    return [
+        Drawn(name, c, found[name][0], *found[name]) for name, c in zip(names, curves, strict=True)
+    ]
 
 
 def given_names(drawn: Sequence[Drawn], names: Sequence[str]) -> list[str]:
@@ -105,7 +125,8 @@ def panels(
     rated: float | None,
     gear: float | None = None,
 ) -> Figure | None:
-    """Draw curves of log and simulation, one panel for each name that any log has; None if no log has any.
+    """Draw curves of log and simulation, one panel for each name that any log has; None if no log
+    has any.
 
     Parameters
     ----------
@@ -124,7 +145,10 @@ def panels(
     shaded = False
     for ax, name, letter in zip(grid, given, "abcdefgh", strict=False):
         if gear is not None and name == "torque_nm":
-            slower = (lambda rpm, gear=gear: np.asarray(rpm) / gear, lambda rpm, gear=gear: np.asarray(rpm) * gear)
+            slower = (
+                lambda rpm, gear=gear: np.asarray(rpm) / gear,
+                lambda rpm, gear=gear: np.asarray(rpm) * gear,
+            )
             ax.secondary_xaxis("top", functions=slower).set_xlabel("Drum speed (rpm)")
         _panel(ax, letter if len(given) > 1 else "", name, drawn, MAX_MARKS // columns)
         if SHOWN[name].over == SPEED:
@@ -143,7 +167,13 @@ def _panel(ax: Axes, letter: str, name: str, drawn: Sequence[Drawn], maximum: in
     short, unit = readable(shown.unit, *(np.array((*c.log, *c.simulated)) for _, _, c in curves))
     step = max(1, -(-sum(len(c.x) for _, _, c in curves) // maximum))
     for k, (d, key, c) in enumerate(curves):
-        ax.plot(c.x, np.array(c.log) * short, color=COLOURS[d.log], lw=1.2, ls=BACK if key == HAUL_IN else "-")
+        ax.plot(
+            c.x,
+            np.array(c.log) * short,
+            color=COLOURS[d.log],
+            lw=1.2,
+            ls=BACK if key == HAUL_IN else "-",
+        )
         ax.plot(
             c.x, np.array(c.simulated) * short, ls="none", mec=COLOURS[d.simulated], markevery=(k % step, step),
             **_mark(d.mark),
@@ -159,14 +189,20 @@ def _panel(ax: Axes, letter: str, name: str, drawn: Sequence[Drawn], maximum: in
 
 
 def _legend(figure: Figure, drawn: Sequence[Drawn], *, word: str, shaded: bool) -> None:
-    """Add the legend of lines, markers and shades above the panels; of several logs name each load once."""
+    """Add the legend of lines, markers and shades above the panels; of several logs name each
+    load once.
+    """
     one = drawn[0] if len(drawn) == 1 else Drawn("", {}, simulated="ink")
     entries = [
         line_entry(word, one.log, lw=1.2),
         line_entry("simulated", one.simulated, ls="none", **_mark(one.mark)),
         *([patch_entry("over rated speed", "over")] if shaded else []),
     ]
-    loads = {d.name: line_entry(d.name, d.log, lw=1.2, **_mark(d.mark)) for d in drawn} if len(drawn) > 1 else {}
+    loads = (
+        {d.name: line_entry(d.name, d.log, lw=1.2, **_mark(d.mark)) for d in drawn}
+        if len(drawn) > 1
+        else {}
+    )
     legend_above(figure, [*entries, *loads.values()])
 
 
@@ -175,7 +211,7 @@ def _mark(mark: str) -> LineStyle:
     return {"marker": mark, "ms": MARK_SIZE, "mew": 0.7, "mfc": COLOURS["paper"]}
 
 
-# ----------------------------------------------------------------------------------------------------- the loss budget
+# -------------------------------------------------------------------------------- the loss budget
 SEGMENTS = 7
 """Segments of a bar, at most; the smallest are added up."""
 
@@ -192,7 +228,9 @@ POINTS = {"gen": ("D", "DC link"), "mech": ("s", "shaft")}
 
 
 def segments_of(budgets: Sequence[LossBudget]) -> dict[str, list[float]]:
-    """Shares of the line's energy by the groups that are largest in all budgets, and of all others together. [%]"""
+    """Shares of the line's energy by the groups that are largest in all budgets, and of all
+    others together. [%]
+    """
     every = {name: [100.0 * budget.shares[name] for budget in budgets] for name in GROUPS}
     ranked = sorted(every, key=lambda name: -sum(map(abs, every[name])))
     own = {*ranked[: SEGMENTS - 1]}
@@ -202,7 +240,8 @@ def segments_of(budgets: Sequence[LossBudget]) -> dict[str, list[float]]:
 
 
 def budget_bars(names: Sequence[str], budgets: Sequence[LossBudget], *, word: str) -> Figure:
-    """Draw the simulated loss budget of each log in percent of the line's energy, and under it what reaches shaft and DC link.
+    """Draw the simulated loss budget of each log in percent of the line's energy, and under it what
+    reaches shaft and DC link.
 
     Parameters
     ----------
@@ -216,7 +255,9 @@ def budget_bars(names: Sequence[str], budgets: Sequence[LossBudget], *, word: st
         share = np.array(shares)
         begin = np.where(share >= 0.0, right, left + share)
         fill = "loss" if name == OTHER else colour
-        bars = ax.barh(rows, abs(share), left=begin, height=0.5, fc=COLOURS[fill], ec=COLOURS["paper"], lw=0.5)
+        bars = ax.barh(
+            rows, abs(share), left=begin, height=0.5, fc=COLOURS[fill], ec=COLOURS["paper"], lw=0.5
+        )
         ax.bar_label(
             bars, [f"{part:.0f}" if part >= NUMBERED else "" for part in share], label_type="center", fontsize=7,
             bbox={"boxstyle": "round,pad=0.12", "fc": COLOURS["paper"], "lw": 0},
@@ -224,16 +265,27 @@ def budget_bars(names: Sequence[str], budgets: Sequence[LossBudget], *, word: st
         right, left = right + np.maximum(share, 0.0), left + np.minimum(share, 0.0)
         entries.append(patch_entry(name, fill))
     for stage, (mark, what) in POINTS.items():
-        simulated = [100.0 * (b.mech / b.line if stage == "mech" else b.shares["DC link"]) for b in budgets]
+        simulated = [
+            100.0 * (b.mech / b.line if stage == "mech" else b.shares["DC link"]) for b in budgets
+        ]
         logged = [
-            100.0 * b.log[stage] / b.log["line"] if stage in b.log and b.log.get("line") else np.nan for b in budgets
+            100.0 * b.log[stage] / b.log["line"] if stage in b.log and b.log.get("line") else np.nan
+            for b in budgets
         ]
         for shares, fill, whose in ((simulated, "ink", "simulated"), (logged, "paper", word)):
             if np.isfinite(shares).any():
-                style: LineStyle = {"ls": "none", "marker": mark, "ms": 4.0, "mew": 0.9, "mfc": COLOURS[fill]}
+                style: LineStyle = {
+                    "ls": "none",
+                    "marker": mark,
+                    "ms": 4.0,
+                    "mew": 0.9,
+                    "mfc": COLOURS[fill],
+                }
                 ax.plot(shares, rows - 0.38, color=COLOURS["ink"], zorder=5, **style)
                 entries.append(line_entry(f"{what}, {whose}", **style))
-    labels = [f"{name}\n{number_text(budget.line)} J" for name, budget in zip(names, budgets, strict=True)]
+    labels = [
+        f"{name}\n{number_text(budget.line)} J" for name, budget in zip(names, budgets, strict=True)
+    ]
     ax.set_yticks(rows, labels)
     ax.set(ylim=(-0.62, len(names) - 0.52), xlim=(min(0.0, float(left.min())), 100.0))
     ax.set_xlabel("Share of the line's energy in the window (%)")

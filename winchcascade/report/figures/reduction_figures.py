@@ -50,7 +50,9 @@ from winchcascade.report.glossary import STAGE_PLACES, tex
 from winchcascade.report.wording import clock_zero, span_word
 
 DOTS = 1200
-"""Samples of each power that are drawn over the generator's speed at most; of more, an even selection."""
+"""Samples of each power that are drawn over the generator's speed at most; of more, an even
+selection.
+"""
 
 TREND_FROM = 6
 """With fewer cycles than this the table shows a drift as well."""
@@ -69,7 +71,9 @@ _WIDE = 0.35
 """Width of a bar of an energy flow, of which the bars are spread over 10."""
 
 _TURN, _DROP = 0.38, -0.3
-"""Where a loss turns down between two bars, as a share of the way, and how far it goes, over the height of the first."""
+"""Where a loss turns down between two bars, as a share of the way, and how far it goes, over the
+height of the first.
+"""
 
 
 def _stage_style(stage: str) -> LineStyle:
@@ -78,15 +82,19 @@ def _stage_style(stage: str) -> LineStyle:
     return {"color": COLOURS[look.colour], "ls": look.dashes, "label": tex(f"power_{stage}")}
 
 
-# ------------------------------------------------------------------------------------------------------ over time and speed
+# ---------------------------------------------------------------------------- over time and speed
 def power_streams(reduction: Reduction, powers: Mapping[str, Signal]) -> Figure | None:
-    """Draw the powers of one cycle over time, and those of all payouts (Fig. 6) and the current (Fig. 12a) over speed."""
+    """Draw the powers of one cycle over time, and those of all payouts (Fig. 6) and the current
+    (Fig. 12a) over speed.
+    """
     if not powers or not reduction.cycles:
         return None
     current = bool(reduction.bins) and "idc" in reduction.run.channels
     figure, axes = panel_figure(2.75, 1, 1 + bool(reduction.bins) + current)
     draw_one_cycle(axes[0], reduction, powers)
-    entries = [line_entry(tex(f"power_{s}"), look_of(s).colour, ls=look_of(s).dashes) for s in powers]
+    entries = [
+        line_entry(tex(f"power_{s}"), look_of(s).colour, ls=look_of(s).dashes) for s in powers
+    ]
     entries += mark_entries(phase_marks(reduction, [representative(reduction)], 0.0))
     if reduction.bins:
         shaded = draw_over_speed(axes[1], reduction, powers)
@@ -113,23 +121,35 @@ def draw_one_cycle(ax: Axes, reduction: Reduction, powers: Mapping[str, Signal])
 
 
 def draw_over_speed(ax: Axes, reduction: Reduction, powers: Mapping[str, Signal]) -> bool:
-    """Draw the powers of the payouts over generator speed, with their means in bins; whether speeds above rated are shaded."""
+    """Draw the powers of the payouts over generator speed, with their means in bins; whether
+    speeds above rated are shaded.
+    """
     rows, rpm = _driven(reduction)
     short, unit = readable("W", *(x[rows] for x in powers.values()))
     for stage, x in powers.items():
         dots(ax, rpm[rows], x[rows] * short, COLOURS[look_of(stage).colour])
         _means(ax, reduction.bins, stage, short, **_stage_style(stage))
-    label_panel(ax, "b", f"{span_word(reduction).capitalize()}s, means", x="Generator speed (rpm)", y=f"Power ({unit})")
+    label_panel(
+        ax,
+        "b",
+        f"{span_word(reduction).capitalize()}s, means",
+        x="Generator speed (rpm)",
+        y=f"Power ({unit})",
+    )
     return _speeds(ax, reduction)
 
 
 def draw_current_over_speed(ax: Axes, reduction: Reduction) -> None:
-    """Draw the current of the DC link in the payouts over generator speed, with its means in bins."""
+    """Draw the current of the DC link in the payouts over generator speed, with its means in
+    bins.
+    """
     run, rig, counted = reduction.run, reduction.rig, reduction.complete
     rows, rpm = _driven(reduction)
     idc = run.channels["idc"]
     dots(ax, rpm[rows], idc[rows], COLOURS["gen"])
-    driven = engaged(run, [c.phases for c in counted], [c.summary.payout.plateau for c in counted], rig)
+    driven = engaged(
+        run, [c.phases for c in counted], [c.summary.payout.plateau for c in counted], rig
+    )
     bins = bin_powers(rpm, 1.0, driven, {"idc": idc.__getitem__}, bin_width(rig, float(rpm.max())))
     _means(ax, bins, "idc", 1.0, color=COLOURS["gen"])
     label_panel(ax, "c", "DC link", x="Generator speed (rpm)", y="Current (A)")
@@ -137,16 +157,24 @@ def draw_current_over_speed(ax: Axes, reduction: Reduction) -> None:
 
 
 def _driven(reduction: Reduction) -> tuple[Index, Signal]:
-    """Rows of the payouts of complete cycles in which the generator is driven, thinned, and its speed, (n,) [rpm]."""
+    """Rows of the payouts of complete cycles in which the generator is driven, thinned, and its
+    speed, (n,) [rpm].
+    """
     run, rig, counted = reduction.run, reduction.rig, reduction.complete
-    rows = np.flatnonzero(engaged(run, [c.phases for c in counted], [c.summary.payout.plateau for c in counted], rig))
+    rows = np.flatnonzero(
+        engaged(run, [c.phases for c in counted], [c.summary.payout.plateau for c in counted], rig)
+    )
     signal, rpm = generator_speed(run, rig) or (run.t, 0.0)
     return rows[:: max(1, -(-rows.size // DOTS))], signal * rpm
 
 
 def _means(ax: Axes, bins: Sequence[Bin], name: str, factor: float, **style: Any) -> None:
     """Draw the means of a quantity in bins of generator speed."""
-    means = [(0.5 * (b.rpm_low + b.rpm_high), y * factor) for b in bins if (y := b.mean.get(name)) is not None]
+    means = [
+        (0.5 * (b.rpm_low + b.rpm_high), y * factor)
+        for b in bins
+        if (y := b.mean.get(name)) is not None
+    ]
     ax.plot(*np.array(means).reshape(-1, 2).T, lw=1.3, **style)
 
 
@@ -162,9 +190,10 @@ def representative(reduction: Reduction) -> CycleResult:
     return (*reduction.complete, *reduction.cycles)[0]
 
 
-# ------------------------------------------------------------------------------------------------------------- energy flows
+# ----------------------------------------------------------------------------------- energy flows
 def window_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) -> Figure | None:
-    """Draw where the line's mean energy goes in the window, from stage to stage; None for one that does not fall all the way.
+    """Draw where the line's mean energy goes in the window, from stage to stage; None for one that
+    does not fall all the way.
 
     Heights are energies; what is lost or stored branches off.
 
@@ -177,9 +206,15 @@ def window_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) ->
         texts or {},
         reduction.rig.cascade,
     )
-    known = {stage: joule for stage in cascade.names if (joule := mean[f"energy_{stage}"]) is not None}
+    known = {
+        stage: joule for stage in cascade.names if (joule := mean[f"energy_{stage}"]) is not None
+    }
     stages, energies = list(known), list(known.values())
-    if len(known) < 2 or energies[-1] <= 0 or any(after > before for before, after in pairwise(energies)):
+    if (
+        len(known) < 2
+        or energies[-1] <= 0
+        or any(after > before for before, after in pairwise(energies))
+    ):
         return None
     in_gas = reduction.rig.restoring.volume_gas is not None and stages[1] == "mech"
     stored = {"mech": " in the rotor", "line": " in the gas" * in_gas}
@@ -189,15 +224,30 @@ def window_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) ->
     places = np.linspace(0.0, 10.0, len(known)).tolist()
     for k, (stage, joule) in enumerate(known.items()):
         colour = COLOURS[look_of(stage).colour]
-        ax.add_patch(Rectangle((places[k], 1.0 - joule / energies[0]), _WIDE, joule / energies[0], fc=colour, lw=0))
+        ax.add_patch(
+            Rectangle(
+                (places[k], 1.0 - joule / energies[0]), _WIDE, joule / energies[0], fc=colour, lw=0
+            )
+        )
         energy = f"{tex(f'energy_{stage}')} = {said.get(f'energy_{stage}') or number_text(joule)} J"
         side = "left" if k == 0 else "right" if k == len(known) - 1 else "center"
         at = places[k] + {"left": 0.0, "center": 0.5, "right": 1.0}[side] * _WIDE
-        ax.text(at, 1.05, f"{energy}\n{STAGE_PLACES.get(stage, stage)}", ha=side, va="bottom", fontsize=8.0)
+        ax.text(
+            at,
+            1.05,
+            f"{energy}\n{STAGE_PLACES.get(stage, stage)}",
+            ha=side,
+            va="bottom",
+            fontsize=8.0,
+        )
     ratios = {pair: name for name, pair in cascade.all_ratios.items()}
     for k, (stage, following) in enumerate(pairwise(stages)):
         eta = ratios.get((f"energy_{following}", f"energy_{stage}"), "")
-        goes_on = "" if mean.get(eta) is None else f"{tex(eta)} = {said.get(eta) or number_text(mean[eta], 3)}"
+        goes_on = (
+            ""
+            if mean.get(eta) is None
+            else f"{tex(eta)} = {said.get(eta) or number_text(mean[eta], 3)}"
+        )
         lost, height = energies[k] - energies[k + 1], energies[k + 1] / energies[0]
         decimals = 2 - math.floor(math.log10(abs(lost) or 1.0))
         share = f"{number_text(lost, decimals)} J, {100 * lost / energies[0]:.1f} % of {tex(f'energy_{stages[0]}')}"
@@ -211,9 +261,15 @@ def window_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) ->
 
 
 def _branch(ax: Axes, colour: str, ends: tuple[float, float], heights: tuple[float, float]) -> None:
-    """Draw what goes on from one bar to the next as a band, and what leaves as another that turns down."""
+    """Draw what goes on from one bar to the next as a band, and what leaves as another that
+    turns down.
+    """
     begin, end = ends
-    ax.add_patch(Rectangle((begin, 1.0 - heights[1]), end - begin, heights[1], fc=COLOURS[colour], alpha=0.28, lw=0))
+    ax.add_patch(
+        Rectangle(
+            (begin, 1.0 - heights[1]), end - begin, heights[1], fc=COLOURS[colour], alpha=0.28, lw=0
+        )
+    )
     low, high = 1.0 - heights[0], 1.0 - heights[1]
     turn, width = begin + _TURN * (end - begin), high - low
     points = [
@@ -225,25 +281,39 @@ def _branch(ax: Axes, colour: str, ends: tuple[float, float], heights: tuple[flo
     ax.add_patch(PathPatch(Outline(points, codes), fc=COLOURS["loss"], lw=0))
 
 
-# --------------------------------------------------------------------------------------------------- cycle by cycle
+# --------------------------------------------------------------------------------- cycle by cycle
 
 
-def overlaid(reduction: Reduction, powers: Mapping[str, Signal], best: int | None, worst: int | None) -> Figure | None:
-    """Lay the cycles over each other on a clock that starts at each onset; best and worst are drawn on top.
+def overlaid(
+    reduction: Reduction, powers: Mapping[str, Signal], best: int | None, worst: int | None
+) -> Figure | None:
+    """Lay the cycles over each other on a clock that starts at each onset; best and worst are drawn
+    on top.
 
     Parameters
     ----------
-    best, worst : numbers of the cycles of the highest and the lowest efficiency, None where they are unknown
+    best, worst : numbers of the cycles of the highest and the lowest efficiency, None where they
+        are unknown
     """
     run, cycles = reduction.run, reduction.cycles
     wanted = [
-        row for row in channels_drawn(run, reduction.rig) if row[0] in ("velocity", "force", "torque", "pressure")
+        row
+        for row in channels_drawn(run, reduction.rig)
+        if row[0] in ("velocity", "force", "torque", "pressure")
     ]
-    columns = [(title, unit, run.channels[name] * factor) for name, title, unit, factor in wanted[:3]]
-    columns += [(f"Power {tex(f'power_{s}')}", "W", powers[s]) for s in ("gen", "mech", "line") if s in powers][:1]
+    columns = [
+        (title, unit, run.channels[name] * factor) for name, title, unit, factor in wanted[:3]
+    ]
+    columns += [
+        (f"Power {tex(f'power_{s}')}", "W", powers[s])
+        for s in ("gen", "mech", "line")
+        if s in powers
+    ][:1]
     if not cycles or not columns:
         return None
-    figure, axes = panel_figure(0.45 + 1.55 * -(-len(columns) // 2), -(-len(columns) // 2), 2, share="x")
+    figure, axes = panel_figure(
+        0.45 + 1.55 * -(-len(columns) // 2), -(-len(columns) // 2), 2, share="x"
+    )
     chosen = [c for c in evenly(cycles, OVERLAID) if c.cycle not in (best, worst)]
     chosen += [c for number in (worst, best) for c in cycles if c.cycle == number]
     entries = {}
@@ -252,12 +322,22 @@ def overlaid(reduction: Reduction, powers: Mapping[str, Signal], best: int | Non
         for c in chosen:
             part = slice(*np.searchsorted(run.t, (c.phases.onset - 1.0, end_of(c))).tolist())
             t, (drawn,) = thinned(
-                run.t[part] - c.phases.onset, [x[part] * short], max(150, OVERLAID_POINTS // len(chosen))
+                run.t[part] - c.phases.onset,
+                [x[part] * short],
+                max(150, OVERLAID_POINTS // len(chosen)),
             )
             label, style = _overlaid_style(c, best, worst)
             entries[label] = ax.plot(t, drawn, **style)[0]
-        ax.axvline(chosen[0].window.cutoff - chosen[0].window.onset, color=COLOURS["soft"], ls="--", lw=0.8)
-        label_panel(ax, ascii_lowercase[k], title, unit=unit, x="Time since onset (s)" if k + 2 >= len(columns) else "")
+        ax.axvline(
+            chosen[0].window.cutoff - chosen[0].window.onset, color=COLOURS["soft"], ls="--", lw=0.8
+        )
+        label_panel(
+            ax,
+            ascii_lowercase[k],
+            title,
+            unit=unit,
+            x="Time since onset (s)" if k + 2 >= len(columns) else "",
+        )
         ax.set_xlim(-1.0, max(min(end_of(c), float(run.t[-1])) - c.phases.onset for c in chosen))
         ax.tick_params(labelbottom=k + 2 >= len(columns))
     for ax in axes[len(columns) :]:
@@ -278,8 +358,8 @@ def _overlaid_style(c: CycleResult, best: int | None, worst: int | None) -> tupl
 
 
 def stage_of(cascade: Cascade, metric: str) -> str:
-    """Stage whose colour a metric has: that of an energy or a power, the first one for the whole cascade, else the one that
-    delivers.
+    """Stage whose colour a metric has: that of an energy or a power, the first one for the whole
+    cascade, else the one that delivers.
     """
     if metric == cascade.overall and len(cascade.stages) > 2:
         return cascade.names[0]
@@ -287,7 +367,9 @@ def stage_of(cascade: Cascade, metric: str) -> str:
 
 
 def trend(reduction: Reduction) -> Figure | None:
-    """Draw efficiencies and energies over the number of the cycle, so that a drift is seen; None for few cycles."""
+    """Draw efficiencies and energies over the number of the cycle, so that a drift is seen; None
+    for few cycles.
+    """
     if len(reduction.complete) < TREND_FROM:
         return None
     energies = [m for m in reduction.rig.cascade.energies if reduction.mean[m] is not None]
@@ -308,7 +390,9 @@ def known_ratios(reduction: Reduction) -> list[str]:
 
 
 def draw_trend(ax: Axes, reduction: Reduction, names: Sequence[str], unit: str) -> str:
-    """Draw metrics of one unit over the number of the complete cycle; gives the unit of the axis."""
+    """Draw metrics of one unit over the number of the complete cycle; gives the unit of the
+    axis.
+    """
     complete, cascade = reduction.complete, reduction.rig.cascade
     number = np.array([c.cycle for c in complete], dtype=float)
     columns = {name: np.array([c.metrics[name] for c in complete], dtype=float) for name in names}
@@ -317,6 +401,8 @@ def draw_trend(ax: Axes, reduction: Reduction, names: Sequence[str], unit: str) 
         look = look_of(stage_of(cascade, name))
         x, (y,) = thinned(number, [values * short])
         mark = look.mark if x.size <= MARKED else ""
-        ax.plot(x, y, color=COLOURS[look.colour], lw=0.5, marker=mark, ms=2.2, mew=0, label=tex(name))
+        ax.plot(
+            x, y, color=COLOURS[look.colour], lw=0.5, marker=mark, ms=2.2, mew=0, label=tex(name)
+        )
     ax.legend(loc="lower right", ncols=3, bbox_to_anchor=(1.0, 1.0), markerscale=1.8)
     return unit

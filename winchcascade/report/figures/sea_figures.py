@@ -1,4 +1,6 @@
-"""Figures of a rig in waves: mean power over the seas, losses of the stages, loads compared, peaks beside their limits."""
+"""Figures of a rig in waves: mean power over the seas, losses of the stages, loads compared,
+peaks beside their limits.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from winchcascade.report.figures.style import COLOURS, label_panel, legend_above, line_entry, load_style, panel_figure
+from winchcascade.report.figures.style import (
+    COLOURS,
+    label_panel,
+    legend_above,
+    line_entry,
+    load_style,
+    panel_figure,
+)
 from winchcascade.rig.ledger import LEDGER
 from winchcascade.sea.in_sea import PEAKS, QUANTITIES
 from winchcascade.sea.sea_study import InSea, SeaStudy
@@ -37,7 +46,9 @@ MAX_LABELS = 12
 
 
 def power_figure(found: SeaStudy) -> Figure:
-    """Mean power at the DC link: as a matrix over wave height and period where the seas make one, else sea by sea."""
+    """Mean power at the DC link: as a matrix over wave height and period where the seas make
+    one, else sea by sea.
+    """
     rows = [row for row in found.rows if not row.reason]
     heights, periods = ({getattr(row, name) for row in rows} for name in ("hs", "tp"))
     if min(len(heights), len(periods)) > 1:
@@ -66,14 +77,18 @@ def _matrix(rows: Sequence[InSea]) -> Figure:
         place = periods.index(row.tp), heights.index(row.hs)
         text = f"{row.values['p_gen_w'].value:.3g}"
         style = "italic" if row.outside > COVERED else "normal"
-        axes.text(*place, text, ha="center", va="center", fontsize=size, style=style, color=COLOURS["ink"])
+        axes.text(
+            *place, text, ha="center", va="center", fontsize=size, style=style, color=COLOURS["ink"]
+        )
     axes.set_xticks(range(len(periods)), [f"{tp:g}" for tp in periods])
     axes.set_yticks(range(len(heights)), [f"{hs:g}" for hs in heights])
     axes.set(xlabel="Peak period (s)", ylabel="Significant wave height (m)")
     return figure
 
 
-def _bars(axes: Axes, x: np.ndarray, bands: Sequence[Band], hollow: Sequence[bool], colour: str = "gen") -> None:
+def _bars(
+    axes: Axes, x: np.ndarray, bands: Sequence[Band], hollow: Sequence[bool], colour: str = "gen"
+) -> None:
     """Values with their intervals, hollow where the logs do not cover them."""
     values = np.array([band.value for band in bands])
     low, high = (np.array([getattr(band, end) for band in bands]) for end in ("low", "high"))
@@ -86,20 +101,34 @@ def _bars(axes: Axes, x: np.ndarray, bands: Sequence[Band], hollow: Sequence[boo
 def _name_seas(axes: Axes, rows: Sequence[InSea]) -> None:
     """Write height and period of each sea below an axis of seas, of some where there are many."""
     stride = math.ceil(len(rows) / MAX_LABELS)
-    axes.set_xticks(range(0, len(rows), stride), [f"{row.hs:g} m\n{row.tp:g} s" for row in rows[::stride]])
+    axes.set_xticks(
+        range(0, len(rows), stride), [f"{row.hs:g} m\n{row.tp:g} s" for row in rows[::stride]]
+    )
 
 
 def losses_figure(found: SeaStudy) -> Figure:
-    """Where the net power of the line goes in each sea: delivered, and lost in each part, as shares of it."""
+    """Where the net power of the line goes in each sea: delivered, and lost in each part, as
+    shares of it.
+    """
     rows = [row for row in found.rows if not row.reason]
     figure, (axes,) = panel_figure(2.6)
     shares = {"gen": [row.values["p_gen_w"].value / row.values["p_line_w"].value for row in rows]}
-    shares |= {name: [row.lost[name] / row.values["p_line_w"].value for row in rows] for name in rows[0].lost}
+    shares |= {
+        name: [row.lost[name] / row.values["p_line_w"].value for row in rows]
+        for name in rows[0].lost
+    }
     drawn = {name: np.array(own) for name, own in shares.items() if max(own) > SMALL}
     base, entries = np.zeros(len(rows)), []
     for k, (name, own) in enumerate(drawn.items()):
         colour = ("gen", *LOSSES)[k % (1 + len(LOSSES))]
-        axes.bar(range(len(rows)), 100.0 * own, 0.8, bottom=base, color=COLOURS[colour], alpha=1.0 if k else 0.6)
+        axes.bar(
+            range(len(rows)),
+            100.0 * own,
+            0.8,
+            bottom=base,
+            color=COLOURS[colour],
+            alpha=1.0 if k else 0.6,
+        )
         base = base + 100.0 * own
         entries.append(line_entry("delivered" if k == 0 else LEDGER[name].group, colour, lw=4))
     axes.set(ylabel="Share of net line power (%)")
@@ -134,12 +163,17 @@ def _times(band: Band, factor: float) -> Band:
 
 
 def peaks_figure(found: SeaStudy) -> Figure:
-    """Largest tension, speed and current of each sea with the limits that are set, at the scale of the seas."""
+    """Largest tension, speed and current of each sea with the limits that are set, at the scale
+    of the seas.
+    """
     rows = [row for row in found.rows if not row.reason]
     figure, panels = panel_figure(3.6, 2, 2)
     for axes, letter, (name, quantity) in zip(panels, "abcd", PEAKS.items(), strict=True):
         _bars(
-            axes, np.arange(len(rows)), [row.values[quantity] for row in rows], [row.outside > COVERED for row in rows]
+            axes,
+            np.arange(len(rows)),
+            [row.values[quantity] for row in rows],
+            [row.outside > COVERED for row in rows],
         )
         if name in found.limits and found.seas.froude == 1.0:
             axes.axhline(found.limits[name], color=COLOURS["repaired"], lw=1.0)
@@ -150,7 +184,8 @@ def peaks_figure(found: SeaStudy) -> Figure:
 
 
 PEAK_TITLES = {
-    "force_n": "Largest line tension", "rpm": "Largest generator speed", "i_s_a": "Largest stator current, rms",
+    "force_n": "Largest line tension", "rpm": "Largest generator speed", "i_s_a": "Largest stator "
+                                                                                  "current, rms",
     "i_dc_rms_a": "DC current, rms over the sea",
 }  # fmt: skip
 """Titles of the panels of `PEAKS`."""

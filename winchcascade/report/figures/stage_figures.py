@@ -61,10 +61,18 @@ def power_history(found: StageDiagnosis, word: str) -> Figure:
     title = f"{'Two cycles' if middle.size > 1 else 'One cycle'} of {found.data.parts[rows.part[0]].run.name}"
     for column, (here, text) in enumerate(((shown, title), (near, "Where they differ most"))):
         above, below = axes[:, column]
-        for power, colour, style in ((given, "mech", {"lw": 0.9, "ls": DASHES}), (caused, "gen", {"lw": 1.3})):
+        for power, colour, style in (
+            (given, "mech", {"lw": 0.9, "ls": DASHES}),
+            (caused, "gen", {"lw": 1.3}),
+        ):
             if power is not None:
                 above.plot(t[here] - own[0], power[here] * factor, color=COLOURS[colour], **style)
-                below.plot(t[here] - own[0], (measured - power)[here] * factor, color=COLOURS[colour], **style)
+                below.plot(
+                    t[here] - own[0],
+                    (measured - power)[here] * factor,
+                    color=COLOURS[colour],
+                    **style,
+                )
         above.plot(t[here] - own[0], measured[here] * factor, color=COLOURS["ink"], lw=0.7)
         above.margins(x=0.01)
         below.axhline(0.0, color=COLOURS["soft"], lw=0.6)
@@ -73,7 +81,10 @@ def power_history(found: StageDiagnosis, word: str) -> Figure:
     axes[0, 0].set_ylabel(f"Power ({k}W)")
     axes[1, 0].set_ylabel(f"Residual ({k}W)")
     with_causes = [line_entry(CAUSED, "gen", lw=1.3)] if caused is not None else []
-    legend_above(figure, [line_entry(word, lw=0.9), line_entry(GIVEN, "mech", lw=1.0, ls=DASHES), *with_causes])
+    legend_above(
+        figure,
+        [line_entry(word, lw=0.9), line_entry(GIVEN, "mech", lw=1.0, ls=DASHES), *with_causes],
+    )
     return figure
 
 
@@ -90,7 +101,9 @@ def power_scatter(found: StageDiagnosis, word: str) -> Figure | None:
     measured, *sides = powers[:, :: max(after.size // MARKS, 1)] * factor
     ends = np.quantile(measured, (0.0005, 0.9995)).tolist()
     figure, axes = panel_figure(3.1, 1, 2, share="xy")
-    for ax, letter, predicted, colour, title in zip(axes, "ab", sides, ("mech", "gen"), (GIVEN, CAUSED), strict=True):
+    for ax, letter, predicted, colour, title in zip(
+        axes, "ab", sides, ("mech", "gen"), (GIVEN, CAUSED), strict=True
+    ):
         ax.plot(ends, ends, color=COLOURS["soft"], lw=0.7)
         ax.plot(predicted, measured, ".", ms=2.0, mew=0, color=COLOURS[colour], alpha=0.5)
         ax.set(xlim=ends, ylim=ends)

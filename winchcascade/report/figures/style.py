@@ -1,4 +1,6 @@
-"""Style of all figures: named colours that a page may turn dark, panels by constrained layout, looks and legends."""
+"""Style of all figures: named colours that a page may turn dark, panels by constrained layout,
+looks and legends.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ from matplotlib.font_manager import get_font_names
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-logging.getLogger("matplotlib").setLevel(logging.ERROR)  # what it says of its own caches and settings is not our user's
+logging.getLogger("matplotlib").setLevel(
+    logging.ERROR
+)  # what it says of its own caches and settings is not our user's
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,7 +30,9 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 WIDTH = 6.7
-"""Width of every figure but the first one of a diagnosis: that of a page of A4 between its margins. [in]"""
+"""Width of every figure but the first one of a diagnosis: that of a page of A4 between its
+margins. [in]
+"""
 
 NARROW = 4.4
 """Width of a figure that stands beside the sentences of the first screen. [in]"""
@@ -55,8 +61,8 @@ COLOURS = {
     "load5": "#d0601f",
     "load6": "#a8246f",
 }
-"""Colours by name, each used once: apart in grey (line, mech, gen from dark to light) and to the colour-blind; signs are blue
-(above) and orange (below).
+"""Colours by name, each used once: apart in grey (line, mech, gen from dark to light) and to the
+colour-blind; signs are blue (above) and orange (below).
 """
 
 LOAD_COLOURS = tuple(f"load{k}" for k in range(7))
@@ -85,7 +91,9 @@ _OWN_STAGES = (
 
 
 def look_of(stage: str) -> Look:
-    """Look of a stage, the same in every report; lines differ in dashes too, for those who cannot distinguish the colours."""
+    """Look of a stage, the same in every report; lines differ in dashes too, for those who
+    cannot distinguish the colours.
+    """
     return _STAGES.get(stage) or _OWN_STAGES[sum(map(ord, stage)) % len(_OWN_STAGES)]
 
 
@@ -150,11 +158,14 @@ def house_style() -> Iterator[None]:
         matplotlib.rcdefaults()
         there = set(get_font_names())
         matplotlib.rcParams.update(_RC)  # type: ignore[arg-type]  # its keys are typed as literals
-        matplotlib.rcParams["font.family"] = [FONT, *(name for name in OTHER_FONTS if name in there)]
+        matplotlib.rcParams["font.family"] = [
+            FONT,
+            *(name for name in OTHER_FONTS if name in there),
+        ]
         yield
 
 
-# ------------------------------------------------------------------------------------------------------------------ panels
+# ----------------------------------------------------------------------------------------- panels
 def wide_figure(height: float) -> Figure:
     """An empty figure of some height [in], laid out by constrained layout when it is drawn."""
     return Figure((WIDTH, height), layout="constrained")
@@ -175,11 +186,15 @@ def panel_figure(
     return figure, list(grid.ravel())
 
 
-def label_panel(axes: Axes, letter: str, title: str, *, x: str = "", y: str = "", unit: str = "") -> None:
-    """Write a panel's letter and title above it, to the left, and the labels of its axes that are given.
+def label_panel(
+    axes: Axes, letter: str, title: str, *, x: str = "", y: str = "", unit: str = ""
+) -> None:
+    """Write a panel's letter and title above it, to the left, and the labels of its axes that are
+    given.
 
-    The title has a fixed place, unless there is a second axis above the panel: to look for a free one, Matplotlib would
-    measure all ticks once more in each pass of the layout. A power of ten, which numbers from 1e9 on have, is to the right.
+    The title has a fixed place, unless there is a second axis above the panel: to look for a free
+    one, Matplotlib would measure all ticks once more in each pass of the layout. A power of ten,
+    which numbers from 1e9 on have, is to the right.
 
     Parameters
     ----------
@@ -192,7 +207,9 @@ def label_panel(axes: Axes, letter: str, title: str, *, x: str = "", y: str = ""
 
 
 def shade_over_speed(ax: Axes, rated: float | None) -> bool:
-    """Shade what lies over the rated speed of the generator, if the axis extends that far; True if it does."""
+    """Shade what lies over the rated speed of the generator, if the axis extends that far; True
+    if it does.
+    """
     low, high = ax.get_xlim()
     if rated is None or rated >= high:
         return False
@@ -202,18 +219,28 @@ def shade_over_speed(ax: Axes, rated: float | None) -> bool:
 
 
 def dots(ax: Axes, x: Signal, y: Signal, colour: str) -> None:
-    """Draw points as one path of very short strokes: a marker each would make the file ten times as large."""
+    """Draw points as one path of very short strokes: a marker each would make the file ten times
+    as large.
+    """
     gap, short = np.full(x.size, np.nan), 1e-3 * float(np.ptp(x, axis=None)) if x.size else 0.0
     across, up = np.column_stack((x, x + short, gap)).ravel(), np.column_stack((y, y, gap)).ravel()
     ax.plot(across, up, color=colour, lw=1.7, alpha=0.45, solid_capstyle="round")
 
 
 def readable(unit: str, *signals: Signal) -> tuple[float, str]:
-    """Factor and unit that keep the numbers of an axis short: thousands from 10 000 on, smaller units below 0.01."""
+    """Factor and unit that keep the numbers of an axis short: thousands from 10 000 on, smaller
+    units below 0.01.
+    """
     peak = max((float(np.max(np.abs(x))) for x in signals if x.size), default=0.0)
     if unit not in ("N", "W", "J", "N·m") or 0.01 <= peak < 1e4 or peak == 0.0:
         return 1.0, unit
-    return (1e-3, f"k{unit}") if peak >= 1e4 else (1e3, f"m{unit}") if peak >= 1e-5 else (1e6, f"µ{unit}")
+    return (
+        (1e-3, f"k{unit}")
+        if peak >= 1e4
+        else (1e3, f"m{unit}")
+        if peak >= 1e-5
+        else (1e6, f"µ{unit}")
+    )
 
 
 def evenly(items: Sequence[T], maximum: int) -> list[T]:
@@ -226,7 +253,7 @@ def evenly(items: Sequence[T], maximum: int) -> list[T]:
     return [items[k] for k in even.tolist()]
 
 
-# ------------------------------------------------------------------------------------------------------------------- names
+# ------------------------------------------------------------------------------------------ names
 SHORT = 18
 """Characters of a log's name where it must be short."""
 
@@ -237,21 +264,27 @@ def broken(text: str, characters: int) -> str:
 
 
 def cut_apart(names: Sequence[str], maximum: int = SHORT) -> list[str]:
-    """Cut names in the middle, or as near to it as leaves them apart; names that no such cut distinguishes are numbered.
+    """Cut names in the middle, or as near to it as leaves them apart; names that no such cut
+    distinguishes are numbered.
 
     >>> cut_apart(["r9.csv", "2026-03-01_winch_r9.csv", "2026-03-02_winch_r9.csv"])
     ['r9.csv', '2026-03-01…_r9.csv', '2026-03-02…_r9.csv']
     """
     room = maximum - 1
     for head in sorted(range(2, room - 1), key=lambda head: (abs(head - room / 2.0), head)):
-        cut = [name if len(name) <= maximum else f"{name[:head]}…{name[head - room :]}" for name in names]
+        cut = [
+            name if len(name) <= maximum else f"{name[:head]}…{name[head - room :]}"
+            for name in names
+        ]
         if len(set(cut)) == len(set(names)):
             return cut
     number = {name: k for k, name in enumerate(dict.fromkeys(names), 1)}
-    return [name if len(name) <= maximum else f"{name[: room - 5]}… ({number[name]})" for name in names]
+    return [
+        name if len(name) <= maximum else f"{name[: room - 5]}… ({number[name]})" for name in names
+    ]
 
 
-# ----------------------------------------------------------------------------------------------------------------- legends
+# ---------------------------------------------------------------------------------------- legends
 MARKS = ("o", "s", "^", "D", "v", "P", "X")
 """Markers of the logs in the order of their loads."""
 
@@ -281,7 +314,9 @@ Entry = tuple[Any, str]
 
 
 def load_style(k: int) -> tuple[str, str]:
-    """Colour and marker of the load at place k; where colours come again, the markers are others."""
+    """Colour and marker of the load at place k; where colours come again, the markers are
+    others.
+    """
     return LOAD_COLOURS[k % len(LOAD_COLOURS)], MARKS[(k + k // len(LOAD_COLOURS)) % len(MARKS)]
 
 
@@ -297,7 +332,9 @@ def samples_entry(text: str, colour: str) -> Entry:
 
 def patch_entry(text: str, colour: str, **style: Any) -> Entry:
     """Entry of a legend for a shade."""
-    return Rectangle((0, 0), 1, 1, **{"fc": COLOURS[colour], "ec": COLOURS["soft"], "lw": 0.4, **style}), text
+    return Rectangle(
+        (0, 0), 1, 1, **{"fc": COLOURS[colour], "ec": COLOURS["soft"], "lw": 0.4, **style}
+    ), text
 
 
 def legend_above(figure: Figure, entries: Sequence[Entry]) -> None:
@@ -318,7 +355,9 @@ def columns_of(texts: Sequence[str]) -> int:
     """
     lengths = np.array([len(re.sub(r"\\[a-z]+|[${}^_]", "", text)) + KEY for text in texts])
     fitting = (
-        n for n in range(len(texts), 1, -1) if sum(p.max() for p in np.array_split(lengths, n)) <= LINE_OF_LEGEND
+        n
+        for n in range(len(texts), 1, -1)
+        if sum(p.max() for p in np.array_split(lengths, n)) <= LINE_OF_LEGEND
     )
     lines = -(-len(texts) // next(fitting, 1))
     return -(-len(texts) // lines)

@@ -1,4 +1,6 @@
-"""A figure of a report as a file, without the time at which it was made: the same each time that it is drawn."""
+"""A figure of a report as a file, without the time at which it was made: the same each time that
+it is drawn.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ _ABOUT: dict[str, dict[str, str | None]] = {
 
 
 _DRAWN: WeakKeyDictionary[Figure, dict[str, bytes]] = WeakKeyDictionary()
-"""Files of the figures of a report, by their endings: its page, its PDF and its folder of figures share them."""
+"""Files of the figures of a report, by their endings: its page, its PDF and its folder of
+figures share them.
+"""
 
 
 def drawn(figure: Figure, ending: str = "svg") -> bytes:

@@ -1,4 +1,6 @@
-"""Tables and figures of a report as files of their own, for papers: CSV with numbers in full, LaTeX and Markdown as shown."""
+"""Tables and figures of a report as files of their own, for papers: CSV with numbers in full,
+LaTeX and Markdown as shown.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,8 @@ FIGURE_FORMATS = ("svg", "pdf", "png")
 
 
 def stem_of(name: str) -> str:
-    """How the names of files about a log or a campaign begin: its name with hyphens for blanks and signs.
+    """How the names of files about a log or a campaign begin: its name with hyphens for blanks and
+    signs.
 
     >>> stem_of("Versuch 3 (März)"), stem_of("...")
     ('Versuch-3-März', 'report')
@@ -38,17 +41,25 @@ def write_tables(report: Report, folder: Path, name: str, *, force: bool = False
 
     Raises
     ------
-    OutputError : the folder cannot be written, or holds a file of that name from elsewhere and `force` does not allow it
+    OutputError : the folder cannot be written, or holds a file of that name from elsewhere and
+        `force` does not allow it
     """
     tables = (block for block in report.blocks if isinstance(block, Table))
     _write(
-        {f"{stem_of(name)}_{t.id}.{ending}": text for t in tables for ending, text in _texts(t)}, folder, force=force
+        {f"{stem_of(name)}_{t.id}.{ending}": text for t in tables for ending, text in _texts(t)},
+        folder,
+        force=force,
     )
 
 
 def write_figures(report: Report, folder: Path, name: str, *, force: bool = False) -> None:
-    """Write each figure of a report as SVG, PDF and PNG into a folder, all or none; errors as of `write_tables`."""
-    pictures = [*([report.lead] if report.lead else []), *(b for b in report.blocks if isinstance(b, Picture))]
+    """Write each figure of a report as SVG, PDF and PNG into a folder, all or none; errors as of
+    `write_tables`.
+    """
+    pictures = [
+        *([report.lead] if report.lead else []),
+        *(b for b in report.blocks if isinstance(b, Picture)),
+    ]
     _write(
         {
             f"{stem_of(name)}_{one.id}.{ending}": drawn(one.figure, ending)
@@ -65,9 +76,14 @@ def _write(contents: dict[str, bytes], folder: Path, *, force: bool) -> None:
     parts = {inside(folder, name): content for name, content in contents.items()}
     for path in parts:
         marked = path.with_suffix(".md") if path.suffix == ".csv" else path
-        if path.exists() and not force and not (marked.is_file() and b"winchcascade/" in marked.read_bytes()):
+        if (
+            path.exists()
+            and not force
+            and not (marked.is_file() and b"winchcascade/" in marked.read_bytes())
+        ):
             raise OutputError(
-                f"{path}: exists and was not written by winchcascade; choose another folder or add --force."
+                f"{path}: exists and was not written by winchcascade; choose another folder or "
+                f"add --force."
             )
     if parts:
         write_set(parts)
@@ -82,13 +98,18 @@ def _texts(table: Table[Any]) -> Iterator[tuple[str, bytes]]:
 
 
 def csv_text(frame: pd.DataFrame) -> str:
-    """A frame as CSV; a text that a spreadsheet would take for a formula stands behind an apostrophe.
+    """A frame as CSV; a text that a spreadsheet would take for a formula stands behind an
+    apostrophe.
 
     >>> import pandas as pd
     >>> csv_text(pd.DataFrame({"a": ["=1+1", "b"], "n": [-1.5, 2.0]}))
     "a,n\\n'=1+1,-1.5\\nb,2.0\\n"
     """
-    return str(frame.map(_spreadsheet_cell).rename(columns=cell_text).to_csv(index=False, lineterminator="\n"))
+    return str(
+        frame.map(_spreadsheet_cell)
+        .rename(columns=cell_text)
+        .to_csv(index=False, lineterminator="\n")
+    )
 
 
 def _spreadsheet_cell(cell: object) -> object:
@@ -100,7 +121,10 @@ def _shown_frame(table: Table[Any]) -> pd.DataFrame:
     import pandas as pd
 
     heads = [f"{c.name} ({c.unit})" if c.unit else c.name for c in table.columns]
-    return pd.DataFrame([[typeset(cell) for cell in row] for row in table.texts], columns=[typeset(h) for h in heads])
+    return pd.DataFrame(
+        [[typeset(cell) for cell in row] for row in table.texts],
+        columns=[typeset(h) for h in heads],
+    )
 
 
 def latex_text(table: Table[Any]) -> str:
@@ -108,7 +132,11 @@ def latex_text(table: Table[Any]) -> str:
     kinds = "".join("l" if left else "r" for left in table.left)
     frame = _shown_frame(table).map(latex).rename(columns=latex)
     text = frame.to_latex(
-        index=False, escape=False, column_format=kinds, caption=latex(typeset(table.caption)), label=f"tab:{table.id}"
+        index=False,
+        escape=False,
+        column_format=kinds,
+        caption=latex(typeset(table.caption)),
+        label=f"tab:{table.id}",
     )
     return f"% {GENERATOR}; requires the package booktabs\n{text}"
 
@@ -120,7 +148,9 @@ _SPECIAL = {
     "→": r"$\rightarrow$", "°": r"$^{\circ}$", "µ": r"$\mu$", "η": r"$\eta$", "τ": r"$\tau$", "Ω": r"$\Omega$",
     "ω": r"$\omega$", "Δ": r"$\Delta$", "σ": r"$\sigma$", "ρ": r"$\rho$",
 } | {chr(raised): f"$^{{{chr(plain)}}}$" for plain, raised in RAISED.items()}  # fmt: skip
-"""What LaTeX writes for a character that means something else to it, or that its usual fonts do not hold."""
+"""What LaTeX writes for a character that means something else to it, or that its usual fonts do
+not hold.
+"""
 
 
 def latex(text: str) -> str:
@@ -129,11 +159,14 @@ def latex(text: str) -> str:
     >>> print(latex("η_pto"), latex("50 % of a_b & c"))
     $\eta$$_{\mathrm{pto}}$ 50 \% of a\_b \& c
     """
-    parts = SUBSCRIPT.split(text)  # what is between symbols, and of each symbol its letter and what stands low
+    parts = SUBSCRIPT.split(
+        text
+    )  # what is between symbols, and of each symbol its letter and what stands low
     plain = ["".join(_SPECIAL.get(letter, letter) for letter in part) for part in parts]
     low = (f"$_{{\\mathrm{{{part}}}}}$" for part in plain[2::3])
     symbols = [
-        f"{letter if '$' in letter else f'${letter}$'}{part}" for letter, part in zip(plain[1::3], low, strict=True)
+        f"{letter if '$' in letter else f'${letter}$'}{part}"
+        for letter, part in zip(plain[1::3], low, strict=True)
     ]
     return "".join(a + b for a, b in zip(plain[::3], [*symbols, ""], strict=True))
 
@@ -149,7 +182,14 @@ def markdown_text(table: Table[Any]) -> str:
         *(_line(row) for row in (escaped[0], rules, *escaped[1:])),
     ]
     return (
-        "\n".join([*lines, *(["", _escaped(typeset(table.note))] if table.note else []), "", f"<!-- {GENERATOR} -->"])
+        "\n".join(
+            [
+                *lines,
+                *(["", _escaped(typeset(table.note))] if table.note else []),
+                "",
+                f"<!-- {GENERATOR} -->",
+            ]
+        )
         + "\n"
     )
 

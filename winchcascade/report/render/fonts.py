@@ -52,11 +52,14 @@ def fonts_for(strange: set[str]) -> list[tuple[str, set[str]]]:
     from matplotlib.font_manager import findSystemFonts
 
     likely = re.compile(
-        r"cjk|noto|han|hei|ming|song|gothic|malgun|msjh|pingfang|hiragino|arialuni|unifont", re.IGNORECASE
+        r"cjk|noto|han|hei|ming|song|gothic|malgun|msjh|pingfang|hiragino|arialuni|unifont",
+        re.IGNORECASE,
     )
     found: list[tuple[str, set[str]]] = []
     missing = set(strange)
-    for file in sorted(findSystemFonts(), key=lambda file: (likely.search(Path(file).name) is None, file)):
+    for file in sorted(
+        findSystemFonts(), key=lambda file: (likely.search(Path(file).name) is None, file)
+    ):
         try:
             known = _characters(file)
         except (RuntimeError, OSError):  # a font that cannot be read is none

@@ -1,4 +1,6 @@
-"""A report as one self-contained page without requests; every text is escaped, colours follow the reader's theme."""
+"""A report as one self-contained page without requests; every text is escaped, colours follow
+the reader's theme.
+"""
 
 from __future__ import annotations
 
@@ -79,7 +81,9 @@ def _text(text: str) -> Markup:
 
 
 def _rows(table: Table[Any]) -> dict[str, Any]:
-    """Columns and rows of a table as a page shows them: those that hold something, up to the limit."""
+    """Columns and rows of a table as a page shows them: those that hold something, up to the
+    limit.
+    """
     used = table.used()
     (body, below), left = used.listed(), used.left
     return {

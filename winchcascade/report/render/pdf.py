@@ -1,4 +1,6 @@
-"""A report as a PDF, typeset by Typst from the same rows and figures as the page; texts reach it as data, never as markup."""
+"""A report as a PDF, typeset by Typst from the same rows and figures as the page; texts reach it
+as data, never as markup.
+"""
 
 from __future__ import annotations
 
@@ -49,13 +51,24 @@ def _record(report: Report, *, drawn: bool) -> dict[str, Any]:
         "banner": _text(report.banner),
         "subscripts": SUBSCRIPTS,
         "tiles": [
-            {"symbol": _text(t.name), "name": _text(t.about), "value": _text(t.value), "interval": _text(t.beside)}
+            {
+                "symbol": _text(t.name),
+                "name": _text(t.about),
+                "value": _text(t.value),
+                "interval": _text(t.beside),
+            }
             for t in report.tiles
         ],
-        "points": [{"about": note.about, "text": _text(note.text), "tone": note.tone} for note in report.notes],
+        "points": [
+            {"about": note.about, "text": _text(note.text), "tone": note.tone}
+            for note in report.notes
+        ],
         "lead": None if report.lead is None else _block(report.lead, drawn=drawn),
         "sections": [
-            {"heading": _text(one.heading), "blocks": [_block(block, drawn=drawn) for block in one.blocks]}
+            {
+                "heading": _text(one.heading),
+                "blocks": [_block(block, drawn=drawn) for block in one.blocks],
+            }
             for one in report.filled
         ],
     }
@@ -65,7 +78,13 @@ def _block(block: Block, *, drawn: bool) -> dict[str, Any]:
     if isinstance(block, Picture):
         svg = drawing.drawn(block.figure).decode() if drawn else ""
         share = float(block.figure.get_figwidth() / WIDTH)
-        return {"type": "picture", "caption": _text(block.caption), "alt": _text(block.alt), "svg": svg, "share": share}
+        return {
+            "type": "picture",
+            "caption": _text(block.caption),
+            "alt": _text(block.alt),
+            "svg": svg,
+            "share": share,
+        }
     if isinstance(block, Table):
         used = block.used()
         body, below = used.listed()

@@ -1,4 +1,6 @@
-"""A report in a terminal, or as plain text in a pipe: its title, its points, and section by section what is brief."""
+"""A report in a terminal, or as plain text in a pipe: its title, its points, and section by
+section what is brief.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ STYLES: dict[Tone, str] = {"plain": "", "good": "green", "warn": "yellow"}
 """Colours of the tones."""
 
 SHORT = 20
-"""Texts of a column that are no longer than this are never broken, longer ones are at least as wide. [characters]"""
+"""Texts of a column that are no longer than this are never broken, longer ones are at least as
+wide. [characters]
+"""
 
 GAP = 2
 """Blanks between columns. [characters]"""
@@ -42,7 +46,10 @@ def terminal_text(report: Report, files: Sequence[Path | str] = ()) -> str:
     from rich.text import Text
 
     screen, out = present_screen(), io.StringIO()
-    console, wide = (console_of(screen, out, width) for width in (screen.width or PIPED, screen.width or UNBROKEN))
+    console, wide = (
+        console_of(screen, out, width)
+        for width in (screen.width or PIPED, screen.width or UNBROKEN)
+    )
     console.print(Text(_safe(report.title), style="bold"))
     if report.subtitle:
         console.print(Text(_safe(report.subtitle), style="dim"))
@@ -50,7 +57,9 @@ def terminal_text(report: Report, files: Sequence[Path | str] = ()) -> str:
         if note.brief:
             console.print(_note(note))
     for section in report.filled:
-        brief = [block for block in section.blocks if isinstance(block, Table | Note) and block.brief]
+        brief = [
+            block for block in section.blocks if isinstance(block, Table | Note) and block.brief
+        ]
         if brief:
             console.print(Text(f"\n{_safe(section.heading)}", style="bold"))
         for k, block in enumerate(brief):
@@ -68,7 +77,9 @@ def terminal_text(report: Report, files: Sequence[Path | str] = ()) -> str:
         console.print(Text.assemble((head, "bold"), _safe(str(path))), soft_wrap=True)
     if report.verdict is not None:
         console.print("", _note(report.verdict), sep="\n")
-    return "".join(f"{line.rstrip()}\n" for line in out.getvalue().replace("\x1b", ESCAPE).splitlines())
+    return "".join(
+        f"{line.rstrip()}\n" for line in out.getvalue().replace("\x1b", ESCAPE).splitlines()
+    )
 
 
 def console_of(screen: Screen, out: io.StringIO, width: int) -> Console:
@@ -82,7 +93,9 @@ def console_of(screen: Screen, out: io.StringIO, width: int) -> Console:
 
 
 def _safe(text: str) -> str:
-    """A text with signs that every terminal shows, without control characters and commands of a runner."""
+    """A text with signs that every terminal shows, without control characters and commands of a
+    runner.
+    """
     return lines(text.translate(SIGNS).replace("Ω", "ohm"))
 
 
@@ -111,7 +124,9 @@ def _note(note: Note) -> RenderableType:
 
 
 def _grids(table: Table[Any], width: int) -> list[Grid]:
-    """A table with its brief columns, empty ones left out; columns that do not fit are printed below, after the first one."""
+    """A table with its brief columns, empty ones left out; columns that do not fit are printed
+    below, after the first one.
+    """
     table = table.used()
     brief = [k for k, column in enumerate(table.columns) if column.brief]
     body, below = table.listed()
@@ -126,11 +141,16 @@ def _grids(table: Table[Any], width: int) -> list[Grid]:
         if needed > width and len(parts[-1]) > 1:
             parts.append(brief[:1])
         parts[-1].append(k)
-    return [_grid([(heads[k], left[k], fixed[k], [row[k] for row in rows]) for k in part]) for part in parts]
+    return [
+        _grid([(heads[k], left[k], fixed[k], [row[k] for row in rows]) for k in part])
+        for part in parts
+    ]
 
 
 def _grid(columns: Sequence[tuple[tuple[str, str], bool, bool, list[str]]]) -> Grid:
-    """Columns of a table: name and unit, whether they stand to the left, whether they are never broken, and cells."""
+    """Columns of a table: name and unit, whether they stand to the left, whether they are never
+    broken, and cells.
+    """
     from rich.table import Table as Grid
     from rich.text import Text
 

@@ -1,4 +1,6 @@
-"""The JSON of an audit: of a table by load with the physics of a rig, or of a table of operating points."""
+"""The JSON of an audit: of a table by load with the physics of a rig, or of a table of operating
+points.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ from winchcascade.tables.published_table import PublishedTable, Span
 
 
 def audit_record(audit: Audit) -> dict[str, Any]:
-    """The audit as nested records, schema `winchcascade/audit/1`, of operating points `winchcascade/point-audit/1`."""
+    """The audit as nested records, schema `winchcascade/audit/1`, of operating points
+    `winchcascade/point-audit/1`.
+    """
     by_load = audit.table.by_load
     return {
         "schema": f"winchcascade/{'audit' if by_load else 'point-audit'}/1",
@@ -43,7 +47,9 @@ def picked(item: object, *names: str) -> dict[str, Any]:
 
 
 def _fields(item: msgspec.Struct, **names: str) -> dict[str, Any]:
-    """Fields of a result in order, some with another name; loads as JSON has them, intervals as pairs."""
+    """Fields of a result in order, some with another name; loads as JSON has them, intervals as
+    pairs.
+    """
     record: dict[str, Any] = {}
     for name in item.__struct_fields__:
         value = getattr(item, name)
@@ -116,7 +122,11 @@ def _by_point(audit: Audit) -> dict[str, Any]:
         "contradictions": [
             {
                 "row": item.row.number,
-                "key": {name: item.row.cells[name].value for name in table.keys if name in item.row.cells},
+                "key": {
+                    name: item.row.cells[name].value
+                    for name in table.keys
+                    if name in item.row.cells
+                },
                 "column": item.metric,
                 "printed": item.printed.value,
                 "unit": item.printed.unit,
@@ -157,7 +167,10 @@ def _physics(ranges: AttainableRanges) -> dict[str, Any]:
             {
                 **picked(suspect, "effect", "stage"),
                 "fields": {
-                    field.name: {**picked(field, "unit", "absent"), "plausible": (field.low, field.high)}
+                    field.name: {
+                        **picked(field, "unit", "absent"),
+                        "plausible": (field.low, field.high),
+                    }
                     for field in suspect.fields
                 },
                 "can": {one.metric: _ability(ranges, one) for one in suspect.abilities},
@@ -177,4 +190,6 @@ def _ability(ranges: AttainableRanges, one: Ability) -> dict[str, Any]:
 
 
 def _values(values: Values) -> dict[str, Any]:
-    return picked(values, "fields", "reported", "left_rms", "out_of_reach", "enough", "plausible", "at_bound")
+    return picked(
+        values, "fields", "reported", "left_rms", "out_of_reach", "enough", "plausible", "at_bound"
+    )

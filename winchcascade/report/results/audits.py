@@ -1,4 +1,6 @@
-"""What an audit of a published table states: contradictions, faults of columns, claims, windows, what a rig can attain."""
+"""What an audit of a published table states: contradictions, faults of columns, claims, windows,
+what a rig can attain.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,17 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from winchcascade.core.quantity import load_text, unit_suffix
-from winchcascade.report.content import Column, Measured, Note, Report, Section, Span, Tile, section, table
+from winchcascade.report.content import (
+    Column,
+    Measured,
+    Note,
+    Report,
+    Section,
+    Span,
+    Tile,
+    section,
+    table,
+)
 from winchcascade.report.glossary import upper
 from winchcascade.report.results.common import PRINTED, provenance, table_rows
 from winchcascade.rig.effects.effect import Parameter
@@ -16,7 +28,11 @@ from winchcascade.tables.claims import ClaimVerdict
 from winchcascade.tables.column_laws import ColumnFault, LawUse
 from winchcascade.tables.payouts import RAMPS, STARTED, AttainableRow, Cell
 
-VERDICTS = {"contradicted": "contradicted", "not_checkable": "cannot be verified", "confirmed": "confirmed"}
+VERDICTS = {
+    "contradicted": "contradicted",
+    "not_checkable": "cannot be verified",
+    "confirmed": "confirmed",
+}
 """Verdicts on a claim in words, those that need a reader first."""
 
 MAX_MISSING = 2
@@ -26,7 +42,9 @@ MAX_UNREAD = 12
 """Cells without a number that a sentence names; of more the first ones."""
 
 CLOSED_MIN = 0.005
-"""An effect that removes less than this share of the excess over the attainable range does nothing. [1]"""
+"""An effect that removes less than this share of the excess over the attainable range does
+nothing. [1]
+"""
 
 CONTRADICTED: tuple[Column[Contradiction], ...] = (
     Column("row", lambda c: c.row.name, brief=False),
@@ -64,7 +82,9 @@ def audit_report(audit: Audit, *, command: str = "") -> Report:
     verdict = Note(audit_summary(audit), "Outcome", "good" if audit.ok else "warn", brief=False)
     claims, physics, count = audit.claims, audit.physics, len(audit.contradictions)
     judged = 0 if physics is None else sum(len(row.cells) for row in physics.rows)
-    open_claims = [claim for verdict in list(VERDICTS)[:2] for claim in claims if claim.verdict == verdict]
+    open_claims = [
+        claim for verdict in list(VERDICTS)[:2] for claim in claims if claim.verdict == verdict
+    ]
     confirmed = [claim for claim in claims if claim.verdict == "confirmed"]
     none = Note("None.") if audit.evaluated and not count else None
     return Report(
@@ -80,7 +100,8 @@ def audit_report(audit: Audit, *, command: str = "") -> Report:
         ],
         points=[verdict, *_points(audit)],
         sections=[
-            section("columns", "Faults of whole columns", table("column-faults", "Faults of columns.", FAULTS, audit.faults)),
+            section("columns", "Faults of whole columns", table("column-faults", "Faults of "
+                                                                                 "columns.", FAULTS, audit.faults)),
             section(
                 "contradictions", "Cells that contradict each other",
                 table("contradictions", "Cells that cannot all be true, whatever the rounding.", CONTRADICTED,
@@ -96,10 +117,12 @@ def audit_report(audit: Audit, *, command: str = "") -> Report:
             section(
                 "windows", "Windows recovered from energy over power",
                 *(
-                    Note(f"{', '.join(map(load_text, one.loads))} can share one of {one.shortest:g} s.", "Window")
+                    Note(f"{', '.join(map(load_text, one.loads))} can share one of "
+                         f"{one.shortest:g} s.", "Window")
                     for one in audit.shared if len(one.loads) > 1
                 ),
-                table("windows", "Windows that energies and powers allow; none where stages contradict.", WINDOWS,
+                table("windows", "Windows that energies and powers allow; none where stages "
+                                 "contradict.", WINDOWS,
                       audit.windows),
                 folded=True,
             ),
@@ -120,13 +143,24 @@ def _points(audit: Audit) -> list[Note]:
     texts = {
         "Laws": laws,
         "At most 1": ", ".join(name for name, c in audited.columns.items() if c.at_most == 1.0),
-        "Tolerance": f"means may differ by {100.0 * audited.tolerance:g} %" if audited.tolerance else "",
-        "Compared": f"{audit.compared} cells in {len(audited.rows)} rows" if not audited.by_load else "",
+        "Tolerance": f"means may differ by {100.0 * audited.tolerance:g} %"
+        if audited.tolerance
+        else "",
+        "Compared": f"{audit.compared} cells in {len(audited.rows)} rows"
+        if not audited.by_load
+        else "",
         "No numbers": "; ".join(
-            (*audited.unread[:MAX_UNREAD], *(["and more"] if len(audited.unread) > MAX_UNREAD else []))
+            (
+                *audited.unread[:MAX_UNREAD],
+                *(["and more"] if len(audited.unread) > MAX_UNREAD else []),
+            )
         ),
-        "Derived": ", ".join(f"{use.law} (cells are empty)" for use in audit.uses if use.status == "derived"),
-        "Not evaluated": ", ".join(_lost(use) for use in audit.uses if use.status == "not_evaluated"),
+        "Derived": ", ".join(
+            f"{use.law} (cells are empty)" for use in audit.uses if use.status == "derived"
+        ),
+        "Not evaluated": ", ".join(
+            _lost(use) for use in audit.uses if use.status == "not_evaluated"
+        ),
     }
     notes = [Note(f"{text}.", about) for about, text in texts.items() if text]
     if not audited.by_load:
@@ -136,29 +170,45 @@ def _points(audit: Audit) -> list[Note]:
     if physics is not None:
         metrics = dict.fromkeys(cell.metric for row in physics.rows for cell in row.cells)
         found = [Note(deviation_words(physics, metric), "Physics") for metric in metrics]
-        advice = Note("" if physics.ok else "Logs decide between the effects: `winchcascade diagnose`.", "Next")
+        advice = Note(
+            "" if physics.ok else "Logs decide between the effects: `winchcascade diagnose`.",
+            "Next",
+        )
     bounds = (
-        f"Means over {known.basis}: an efficiency can differ from the ratio of mean energies by {percent(known.ratio)}, "
+        f"Means over {known.basis}: an efficiency can differ from the ratio of mean energies by "
+        f"{percent(known.ratio)}, "
         f"eta_pto from eta_trans eta_gen by {percent(known.product)}."
     )
-    assumed = f"{', '.join(known.assumed)}, as the table does not state them." if known.assumed else ""
+    assumed = (
+        f"{', '.join(known.assumed)}, as the table does not state them." if known.assumed else ""
+    )
     return [advice, *found, Note(bounds, "Bounds"), Note(assumed, "Assumed"), *notes]
 
 
 def _lost(use: LawUse) -> str:
     """A law that no row could be compared with, and which columns it lacks."""
-    return f"{use.law} (no {' and no '.join(use.missing)})" if 0 < len(use.missing) <= MAX_MISSING else use.law
+    return (
+        f"{use.law} (no {' and no '.join(use.missing)})"
+        if 0 < len(use.missing) <= MAX_MISSING
+        else use.law
+    )
 
 
 def _contradiction_words(item: Contradiction) -> str:
     """A contradiction with what would mend its row."""
     changes = ", or ".join(f"{repair.metric} {repair.text}" for repair in item.repairs)
-    return f"{item.sentence} A change of one cell makes the row consistent: {changes}." if changes else item.sentence
+    return (
+        f"{item.sentence} A change of one cell makes the row consistent: {changes}."
+        if changes
+        else item.sentence
+    )
 
 
 def failed_audit(audit: Audit) -> Report:
     """What contradicts itself or the rig alone."""
-    texts = [fault.sentence for fault in audit.faults] + [item.sentence for item in audit.contradictions]
+    texts = [fault.sentence for fault in audit.faults] + [
+        item.sentence for item in audit.contradictions
+    ]
     texts += [f"Claim contradicted: {claim.sentence}" for claim in audit.contradicted]
     if audit.physics is not None:
         metrics = dict.fromkeys(cell.metric for _, cell in audit.physics.outside)
@@ -180,7 +230,7 @@ def audit_summary(audit: Audit) -> str:
     return f"{text}." if audit.physics is None else f"{text}; {attainable_summary(audit.physics)}."
 
 
-# ----------------------------------------------------------------------------------------------------- physics of a rig
+# ------------------------------------------------------------------------------- physics of a rig
 class Judged(NamedTuple):
     """An efficiency beside its attainable range, and its row."""
 
@@ -191,12 +241,17 @@ class Judged(NamedTuple):
 JUDGED: tuple[Column[Judged], ...] = (
     Column("efficiency", lambda j: j.cell.metric),
     Column("row", lambda j: load_text(j.row.load)),
-    Column("line speed", lambda j: Span(j.row.speeds.low, j.row.speeds.high), "m/s", 2, brief=False),
+    Column(
+        "line speed", lambda j: Span(j.row.speeds.low, j.row.speeds.high), "m/s", 2, brief=False
+    ),
     Column("printed", lambda j: j.cell.printed, decimals=3),
     Column("made", lambda j: "of other cells" if j.cell.derived else ""),
     Column("attainable", lambda j: Span(j.cell.low, j.cell.high), decimals=3),
     Column("beyond", lambda j: 100.0 * j.cell.gap, "points", 1, signed=True),
-    Column("verdict", lambda j: "outside" if j.cell.outside else "within rounding" if j.cell.gap else "inside"),
+    Column(
+        "verdict",
+        lambda j: "outside" if j.cell.outside else "within rounding" if j.cell.gap else "inside",
+    ),
 )
 
 
@@ -213,8 +268,12 @@ def deviation_words(ranges: AttainableRanges, metric: str) -> str:
     judged = [cell for row in ranges.rows for cell in row.cells if cell.metric == metric]
     gaps = sorted((100.0 * cell.gap for cell in judged if cell.outside), key=abs)
     found = [
-        f"{len(one)} of {len(judged)} rows {side} what the rig can reach, by {_ends([f'{abs(gap):.1f}' for gap in one])} points"
-        for side, one in (("above", [gap for gap in gaps if gap > 0]), ("below", [gap for gap in gaps if gap < 0]))
+        f"{len(one)} of {len(judged)} rows {side} what the rig can reach, by "
+        f"{_ends([f'{abs(gap):.1f}' for gap in one])} points"
+        for side, one in (
+            ("above", [gap for gap in gaps if gap > 0]),
+            ("below", [gap for gap in gaps if gap < 0]),
+        )
         if one
     ]
     return f"{metric}: {'; '.join(found) or f'all {len(judged)} rows can be reached'}."
@@ -226,12 +285,22 @@ def _ends(texts: list[str]) -> str:
 
 
 def _physics(ranges: AttainableRanges) -> list[Section]:
-    """What the rig can attain row by row, and which effects and sets of effects could explain what lies beyond."""
+    """What the rig can attain row by row, and which effects and sets of effects could explain
+    what lies beyond.
+    """
     metrics = dict.fromkeys(cell.metric for row in ranges.rows for cell in row.cells)
-    judged = [Judged(row, cell) for name in metrics for row in ranges.rows for cell in row.cells if cell.metric == name]
+    judged = [
+        Judged(row, cell)
+        for name in metrics
+        for row in ranges.rows
+        for cell in row.cells
+        if cell.metric == name
+    ]
     basis = (
-        f"Rig {ranges.rig.name} on payouts that speed up for {100 * min(RAMPS):.0f} to {100 * max(RAMPS):.0f} % of the window, "
-        f"from 0 or {STARTED:g} m of line, at the speeds of the printed powers; its numbers and sensors within one standard "
+        f"Rig {ranges.rig.name} on payouts that speed up for {100 * min(RAMPS):.0f} to "
+        f"{100 * max(RAMPS):.0f} % of the window, "
+        f"from 0 or {STARTED:g} m of line, at the speeds of the printed powers; its numbers and "
+        f"sensors within one standard "
         "uncertainty."
     )
     return [
@@ -269,11 +338,17 @@ SUSPECTED: tuple[Column[Suspected], ...] = (
 
 
 def _plausible(first: Parameter, *more: Parameter) -> str:
-    return f"{1 + len(more)} fields" if more else f"{first.low:g} to {first.high:g}{unit_suffix(first.unit)}"
+    return (
+        f"{1 + len(more)} fields"
+        if more
+        else f"{first.low:g} to {first.high:g}{unit_suffix(first.unit)}"
+    )
 
 
 def _effects(ranges: AttainableRanges) -> Section:
-    """Effects one by one on each efficiency outside the range (the stages, else their product), those that help most first."""
+    """Effects one by one on each efficiency outside the range (the stages, else their product),
+    those that help most first.
+    """
     outside = {cell.metric for _, cell in ranges.outside}
     wanted = sorted(outside & {"eta_trans", "eta_gen"}, reverse=True) or sorted(outside)
     found = [
@@ -282,12 +357,18 @@ def _effects(ranges: AttainableRanges) -> Section:
         for suspect in ranges.suspects
         if (alone := suspect.ability(metric)).closed >= CLOSED_MIN
     ]
-    found.sort(key=lambda s: (wanted.index(s.alone.metric), s.alone.verdict != "explains", -s.alone.closed))
+    found.sort(
+        key=lambda s: (wanted.index(s.alone.metric), s.alone.verdict != "explains", -s.alone.closed)
+    )
     helping = {one.effect.effect for one in found}
-    nothing = ", ".join(suspect.effect for suspect in ranges.suspects if suspect.effect not in helping)
+    nothing = ", ".join(
+        suspect.effect for suspect in ranges.suspects if suspect.effect not in helping
+    )
     legend = (
-        "from the row that needs least to the one that needs most, * in some rows no value does; closes: share of the excess "
-        "that a plausible value removes; alone: whether one value, plausible or not, brings all rows within the range."
+        "from the row that needs least to the one that needs most, * in some rows no value does; "
+        "closes: share of the excess "
+        "that a plausible value removes; alone: whether one value, plausible or not, brings all "
+        "rows within the range."
     )
     return section(
         "effects", "Effects that could explain it",
@@ -301,14 +382,20 @@ def _effects(ranges: AttainableRanges) -> Section:
 def _needed(ranges: AttainableRanges, ability: Ability) -> str | None:
     """The values that the rows need; None where no value does."""
     outside = {row.load for row, cell in ranges.outside if cell.metric == ability.metric}
-    values = [value for row, value in zip(ranges.rows, ability.needed, strict=False) if row.load in outside]
+    values = [
+        value
+        for row, value in zip(ranges.rows, ability.needed, strict=False)
+        if row.load in outside
+    ]
     known = sorted((value for value in values if value is not None), key=abs)
     texts = [f"{value:.2g}" if abs(value) < 100.0 else f"{value:.0f}" for value in known]
     return _ends(texts) + "*" * (None in values) if texts else None
 
 
 def _sets(ranges: AttainableRanges) -> Section:
-    """The smallest sets that bring the table within the attainable range, or the one that comes closest."""
+    """The smallest sets that bring the table within the attainable range, or the one that comes
+    closest.
+    """
     listed = ranges.sets or ((ranges.closest,) if ranges.closest else ())
     fields = {(s.effect, f.name): f for s in ranges.suspects for f in s.fields}
     columns: list[Column[Values]] = [
@@ -334,6 +421,10 @@ def _valued(values: Values, fields: dict[tuple[str, str], Parameter]) -> Iterabl
         texts = []
         for name, value in given.items():
             field = fields[effect, name]
-            stops = [f" (at its bound {end:g})" for end in (field.low, field.high) if value == end != field.absent]
+            stops = [
+                f" (at its bound {end:g})"
+                for end in (field.low, field.high)
+                if value == end != field.absent
+            ]
             texts.append(f"{name} {value:.3g}{unit_suffix(field.unit)}{''.join(stops)}")
         yield f"{effect} {', '.join(texts)}"

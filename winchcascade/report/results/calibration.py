@@ -1,4 +1,6 @@
-"""What a calibration states: the numbers of the rig beside those of its file, what speaks against them, and its JSON."""
+"""What a calibration states: the numbers of the rig beside those of its file, what speaks
+against them, and its JSON.
+"""
 
 from __future__ import annotations
 
@@ -33,10 +35,14 @@ LAG_MIN = 5e-3
 """Lag up to which none is reported: a logger reads its channels one after the other. [s]"""
 
 MISFIT_MAX = 1.5
-"""Mean square of the misfit over its noise up to which the fit follows the log. That of noise alone is 1, and scatters by less
-than 0.15 over the hundred blocks of a short log. [1]"""
+"""Mean square of the misfit over its noise up to which the fit follows the log. That of noise alone
+is 1, and scatters by less than 0.15 over the hundred blocks of a short log. [1]"""
 
-WHAT = {"k_e": "back-EMF constant", "mu_screw": "friction of the screw", "b_rotor": "damper of the fast shaft"}
+WHAT = {
+    "k_e": "back-EMF constant",
+    "mu_screw": "friction of the screw",
+    "b_rotor": "damper of the fast shaft",
+}
 """Numbers that a calibration can find."""
 
 NUMBERS: tuple[Column[Number], ...] = (
@@ -56,7 +62,9 @@ STRAINS: tuple[Column[Strain], ...] = (
 )
 
 
-def calibration_report(calibration: Calibration, fit: Sequence[Block | None] = (), *, command: str = "") -> Report:
+def calibration_report(
+    calibration: Calibration, fit: Sequence[Block | None] = (), *, command: str = ""
+) -> Report:
     """Report of a calibration.
 
     Parameters
@@ -86,7 +94,8 @@ def calibration_report(calibration: Calibration, fit: Sequence[Block | None] = (
             provenance(
                 [
                     ("Log file", run.path),
-                    ("Samples", f"{run.samples} at {run.fs:.6g} Hz in {len(calibration.payouts)} payouts"),
+                    ("Samples", f"{run.samples} at {run.fs:.6g} Hz in {len(calibration.payouts)} "
+                                f"payouts"),
                     ("First stamp of the log", run.first_stamp),
                     ("SHA-256 of the log", run.sha256),
                     ("Table in the file", run.table),
@@ -110,10 +119,14 @@ def drawn_calibration(calibration: Calibration, *, command: str = "") -> Report:
 
 
 def _change(number: Number) -> Measured | None:
-    """By how much a number differs from that of the rig file, with the digits that its uncertainty allows. [%]"""
+    """By how much a number differs from that of the rig file, with the digits that its
+    uncertainty allows. [%]
+    """
     if not number.before:
         return None
-    return Measured(100.0 * (number.value / number.before - 1.0), 100.0 * number.u / abs(number.before))
+    return Measured(
+        100.0 * (number.value / number.before - 1.0), 100.0 * number.u / abs(number.before)
+    )
 
 
 def _found(calibration: Calibration) -> list[Number]:
@@ -123,7 +136,12 @@ def _found(calibration: Calibration) -> list[Number]:
 
 def _tile(n: Number) -> Tile:
     unit = "" if n.unit == "1" else f" {n.unit}"
-    return Tile(n.name, WHAT[n.name], shown(Measured(n.value, n.u)) + unit, f"95 %: {shown(Span(n.low, n.high, n.u))}")
+    return Tile(
+        n.name,
+        WHAT[n.name],
+        shown(Measured(n.value, n.u)) + unit,
+        f"95 %: {shown(Span(n.low, n.high, n.u))}",
+    )
 
 
 def _names(names: Sequence[str]) -> str:
@@ -134,10 +152,16 @@ def _outcome(calibration: Calibration) -> str:
     """Which numbers were found, and which of them differ from the rig file."""
     found = _found(calibration)
     agreeing = {n.name: _agrees(n) for n in found if math.isfinite(n.before)}
-    differ, agree = ([name for name, agrees in agreeing.items() if agrees is wanted] for wanted in (False, True))
+    differ, agree = (
+        [name for name, agrees in agreeing.items() if agrees is wanted] for wanted in (False, True)
+    )
     sentences = [f"{_names([n.name for n in found])} calibrated"]
-    sentences += [f"{_names(differ)} differ{'s' * (len(differ) == 1)} from the rig file"] if differ else []
-    sentences += [f"{_names(agree)} agree{'s' * (len(agree) == 1)} with the rig file"] if agree else []
+    sentences += (
+        [f"{_names(differ)} differ{'s' * (len(differ) == 1)} from the rig file"] if differ else []
+    )
+    sentences += (
+        [f"{_names(agree)} agree{'s' * (len(agree) == 1)} with the rig file"] if agree else []
+    )
     return f"{'; '.join(sentences)}."
 
 
@@ -148,23 +172,37 @@ def _agrees(n: Number) -> bool:
 
 
 def _against(calibration: Calibration) -> list[Note]:
-    """What speaks against the numbers: a lag of Vdc, a fit that does not follow the log, or does not come to rest."""
-    r, strained = calibration.regression, sorted(calibration.strained, key=lambda strain: -abs(strain.by))
+    """What speaks against the numbers: a lag of Vdc, a fit that does not follow the log, or does
+    not come to rest.
+    """
+    r, strained = (
+        calibration.regression,
+        sorted(calibration.strained, key=lambda strain: -abs(strain.by)),
+    )
     found = []
     if abs(r.lag) > max(LAG_SIGNIFICANT * r.u_lag, LAG_MIN):
         when, within = "late" if r.lag > 0 else "early", 1e3 * COVERED * r.u_lag
-        found.append(f"Vdc is recorded {1e3 * abs(r.lag):.0f} ms {when}, 95 % within {within:.0f} ms.")
+        found.append(
+            f"Vdc is recorded {1e3 * abs(r.lag):.0f} ms {when}, 95 % within {within:.0f} ms."
+        )
     if calibration.misfit > MISFIT_MAX:
         found.append(
-            f"The log differs from the calibrated model by {math.sqrt(calibration.misfit):.1f} times its noise."
+            f"The log differs from the calibrated model by {math.sqrt(calibration.misfit):.1f} "
+            f"times its noise."
         )
     if strained:
         most = _names([f"{strain.name} by {abs(strain.by):.0f}" for strain in strained[:3]])
-        found.append(f"The fit moves priors by more than {STRAINED:g} standard uncertainties, above all {most}.")
+        found.append(
+            f"The fit moves priors by more than {STRAINED:g} standard uncertainties, above all "
+            f"{most}."
+        )
     if not calibration.settled:
         found.append("The fit did not converge, so damper and friction are no result.")
     if calibration.run.findings:
-        found.append(f"`winchcascade reduce` lists what is wrong with the log ({len(calibration.run.findings)}).")
+        found.append(
+            f"`winchcascade reduce` lists what is wrong with the log "
+            f"({len(calibration.run.findings)})."
+        )
     return [Note(text, "Finding", "warn") for text in found]
 
 
@@ -176,48 +214,76 @@ def _advice(calibration: Calibration) -> Note:
     if calibration.misfit > MISFIT_MAX or calibration.strained:
         why = f"something else acts on this rig, and part of it may be contained in {absorbed}"
         return Note(f"`winchcascade diagnose` on the campaign finds the cause: {why}.", "Next")
-    return Note("`--write RIG.toml` writes a rig file with these numbers, `--rig` uses it.", "Next", brief=False)
+    return Note(
+        "`--write RIG.toml` writes a rig file with these numbers, `--rig` uses it.",
+        "Next",
+        brief=False,
+    )
 
 
 def _regression(calibration: Calibration) -> str:
-    """The regression of the back-EMF, the parts of its uncertainty, and what Eq. 8 alone would give."""
+    """The regression of the back-EMF, the parts of its uncertainty, and what Eq. 8 alone would
+    give.
+    """
     r = calibration.regression
     eq8 = shown(Measured(r.eq8, (r.high - r.k_e) / COVERED))
     return (
         f"{r.rpm.size} samples from {r.rpm.min():.0f} to {r.rpm.max():.0f} rpm; u of the fit "
-        f"{100.0 * r.u_fit / r.k_e:.2f} %, of the gain of the Vdc sensor {100.0 * r.u_sensor / r.k_e:.2f} %. Eq. 8 alone gives "
-        f"{eq8} V/rpm ({100.0 * (r.eq8 / r.k_e - 1.0):+.1f} %): it leaves out the currents of bleed resistor and capacitor."
+        f"{100.0 * r.u_fit / r.k_e:.2f} %, of the gain of the Vdc sensor "
+        f"{100.0 * r.u_sensor / r.k_e:.2f} %. Eq. 8 alone gives "
+        f"{eq8} V/rpm ({100.0 * (r.eq8 / r.k_e - 1.0):+.1f} %): it leaves out the currents of "
+        f"bleed resistor and capacitor."
     )
 
 
 def fit_blocks(calibration: Calibration) -> list[Block | None]:
-    """Damper and screw by the blocks of the fit, and the regression of the back-EMF. Called within the style of figures."""
+    """Damper and screw by the blocks of the fit, and the regression of the back-EMF. Called
+    within the style of figures.
+    """
     from winchcascade.report.figures.calibration_figures import back_emf_figure, damper_and_screw
 
     word, gas = calibration.run.origin.word, calibration.rig.restoring.has_gas
     over = (
-        "gas pressure: screw friction makes that of payout and haul-in" if gas else "displacement in payout and haul-in"
+        "gas pressure: screw friction makes that of payout and haul-in"
+        if gas
+        else "displacement in payout and haul-in"
     )
     return [
         picture(
             damper_and_screw(calibration.blocks, word=word), "model-damper",
-            "Block means of the log and of the fit. Torque in payout beyond that of a shaft without the damper, over "
+            "Block means of the log and of the fit. Torque in payout beyond that of a shaft "
+            "without the damper, over "
             f"generator speed. Line tension over {over}.",
             "Dots along a line through zero, and along the two branches of payout and haul-in.",
         ),
         picture(
             back_emf_figure(calibration.regression, calibration.numbers[0].before, word=word), "model-emf",
-            "DC voltage and back-EMF over generator speed; the line has the slope k_e (Fig. 12 of Hsu et al. 2026).",
+            "DC voltage and back-EMF over generator speed; the line has the slope k_e (Fig. 12 of "
+            "Hsu et al. 2026).",
             "Dots along a straight line through zero.",
         ),
     ]  # fmt: skip
 
 
-# ------------------------------------------------------------------------------------------------------------- the JSON
+# --------------------------------------------------------------------------------------- the JSON
 SCHEMA = "winchcascade/calibration/1"
 
-NUMBER = ("section", "name", "unit", "before", "u_before", "value", "low", "high", "u", "how", "new")
-"""Fields of a number; one that the rig file does not state is not finite, which JSON has as null."""
+NUMBER = (
+    "section",
+    "name",
+    "unit",
+    "before",
+    "u_before",
+    "value",
+    "low",
+    "high",
+    "u",
+    "how",
+    "new",
+)
+"""Fields of a number; one that the rig file does not state is not finite, which JSON has as
+null.
+"""
 
 
 def calibration_record(calibration: Calibration) -> dict[str, object]:
@@ -229,7 +295,9 @@ def calibration_record(calibration: Calibration) -> dict[str, object]:
         "data": origin_record(run.origin),
         "log": {"path": run.path, "sha256": run.sha256, "samples": run.samples},
         "rig": calibration.rig.name,
-        "numbers": [{name: getattr(number, name) for name in NUMBER} for number in calibration.numbers],
+        "numbers": [
+            {name: getattr(number, name) for name in NUMBER} for number in calibration.numbers
+        ],
         "regression": {
             **{name: getattr(regression, name) for name in ("k_e", "low", "high", "r2")},
             "samples": int(regression.rpm.size),
@@ -240,5 +308,7 @@ def calibration_record(calibration: Calibration) -> dict[str, object]:
         "together": list(calibration.together),
         "misfit": calibration.misfit,
         "settled": calibration.settled,
-        "strained": [{"name": strain.name, "tolerances": strain.by} for strain in calibration.strained],
+        "strained": [
+            {"name": strain.name, "tolerances": strain.by} for strain in calibration.strained
+        ],
     }

@@ -1,4 +1,6 @@
-"""What a campaign states: efficiencies by load, the best load, how well cycles repeat, and what was found in its logs."""
+"""What a campaign states: efficiencies by load, the best load, how well cycles repeat, and what
+was found in its logs.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,17 @@ from winchcascade.reduction.campaign_record import (
 )
 from winchcascade.reduction.run_record import FindingRecord
 from winchcascade.reduction.wave_energies import CampaignWaves
-from winchcascade.report.content import Column, Note, Picture, Report, Section, Tile, section, shown, table
+from winchcascade.report.content import (
+    Column,
+    Note,
+    Picture,
+    Report,
+    Section,
+    Tile,
+    section,
+    shown,
+    table,
+)
 from winchcascade.report.glossary import metric
 from winchcascade.report.results.campaign_tables import (
     budget_table,
@@ -63,7 +75,8 @@ def campaign_report(
     ----------
     drawn : figures by their names, as `drawn_campaign` makes them; a terminal needs none
     model : the logs beside their simulations
-    waves : of the logs whose cycles are waves; those of the record, of all logs together alone, if not given
+    waves : of the logs whose cycles are waves; those of the record, of all logs together alone, if
+        not given
     linked : whether the pages of the single logs stand beside that of the campaign
     """
     runs, figure = runs_by_load(campaign.reduced), (drawn or {}).get
@@ -119,7 +132,7 @@ FAULTS: tuple[Column[FailedLog], ...] = (
 """A log that could not be used."""
 
 
-# ---------------------------------------------------------------------------------------------------- the first screen
+# ------------------------------------------------------------------------------- the first screen
 def loaded(runs: Sequence[LogSummary]) -> Sequence[LogSummary]:
     """The logs with a load; all where none has one."""
     return [run for run in runs if not run.open_circuit] or runs
@@ -144,7 +157,13 @@ def tiles(runs: Sequence[LogSummary]) -> list[Tile]:
             Tile("Best load", "", called(best.run), f"with a probability of {_likely(best)} %"),
             Tile(eta, there, texts[best.run.name, eta], ends),
         ]
-    return [*found, *(_largest(runs, name, texts) for name in given(_closed(runs), [eta, power][bool(found) :]))]
+    return [
+        *found,
+        *(
+            _largest(runs, name, texts)
+            for name in given(_closed(runs), [eta, power][bool(found) :])
+        ),
+    ]
 
 
 def _closed(runs: Sequence[LogSummary]) -> list[LogSummary]:
@@ -158,7 +177,12 @@ def _largest(runs: Sequence[LogSummary], name: str, texts: Mapping[tuple[str, st
     span = interval(run, name)
     speed = "" if run.plateau_speed_mps is None else f" and {run.plateau_speed_mps:.2f} m/s"
     beside = "uncertainty unknown" if span is None else f"95 %: {shown(span)} {unit}".rstrip()
-    return Tile(name, f"largest, at {called(run)}{speed}", f"{texts[run.name, name]} {unit}".rstrip(), beside)
+    return Tile(
+        name,
+        f"largest, at {called(run)}{speed}",
+        f"{texts[run.name, name]} {unit}".rstrip(),
+        beside,
+    )
 
 
 def _likely(best: Best) -> str:
@@ -170,18 +194,29 @@ def verdict_note(runs: Sequence[LogSummary]) -> Note | None:
     ranking, eta = rank_loads(loaded(runs)), cascade_of(runs).overall
     if ranking.best is None:
         several = len({run.load_ohm for run in loaded(runs) if run.load_ohm is not None}) > 1
-        return Note(f"No best load is claimed: {ranking.reason}.", "Verdict", "warn") if several else None
+        return (
+            Note(f"No best load is claimed: {ranking.reason}.", "Verdict", "warn")
+            if several
+            else None
+        )
     best, texts = ranking.best, mean_texts(runs, [eta])
-    values = [f"{called(run)} with {eta} = {texts[run.name, eta]}" for run in (best.run, best.following)]
+    values = [
+        f"{called(run)} with {eta} = {texts[run.name, eta]}" for run in (best.run, best.following)
+    ]
     if best.likely > 0.95:
         return Note(f"Best load: {values[0]}, then {values[1]}.", "Verdict", "good")
-    return Note(f"Best load: {values[0]}; the uncertainties do not distinguish it from {values[1]}.", "Verdict")
+    return Note(
+        f"Best load: {values[0]}; the uncertainties do not distinguish it from {values[1]}.",
+        "Verdict",
+    )
 
 
 def points(campaign: CampaignRecord, runs: Sequence[LogSummary]) -> list[Note | None]:
     """What a reader must know first of the logs together."""
     total, whole = sum(run.cycles for run in runs), sum(run.complete for run in runs)
-    counted = f"{len(runs)} of {len(campaign.runs)} logs reduced, {whole} of {total} cycles complete."
+    counted = (
+        f"{len(runs)} of {len(campaign.runs)} logs reduced, {whole} of {total} cycles complete."
+    )
     motion, reason = unlike_motion(loaded(runs)), rank_loads(loaded(runs)).reason
     return [
         data_note([run.origin for run in runs]) if runs else None,
@@ -206,7 +241,8 @@ def _mixed_windows(runs: Sequence[LogSummary]) -> str:
     """That logs have windows of several rules; empty if they have one."""
     rules = sorted(window_rules(runs).items(), key=lambda item: -len(item[1]))
     named = ", ".join(
-        f"{rule} in {len(found)} ({one_line(found[0].name)}{', ...' * (len(found) > 1)})" for rule, found in rules
+        f"{rule} in {len(found)} ({one_line(found[0].name)}{', ...' * (len(found) > 1)})"
+        for rule, found in rules
     )
     text = f"{len(rules)} rules: {named}. Energies, powers and efficiencies of different rules cannot be compared."
     return text if len(rules) > 1 else ""
@@ -215,7 +251,8 @@ def _mixed_windows(runs: Sequence[LogSummary]) -> str:
 def _between(campaign: CampaignRecord) -> list[Note]:
     """Findings of single logs beside the others."""
     texts = [
-        f"{name}: {found.kind.replace('_', ' ')}: {found.message}; {found.action}" for name, found in campaign.between
+        f"{name}: {found.kind.replace('_', ' ')}: {found.message}; {found.action}"
+        for name, found in campaign.between
     ]
     return [Note(one_line(text), "Apart", "warn") for text in _at_most(texts)]
 
@@ -245,7 +282,11 @@ def _provenance(campaign: CampaignRecord, runs: Sequence[LogSummary], command: s
     rows = [
         ("Campaign", campaign.title),
         ("Data", origin_words([run.origin for run in runs])),
-        ("Logs", f"{len(campaign.runs)}; hash, rig and window of each are in its own report and its result"),
+        (
+            "Logs",
+            f"{len(campaign.runs)}; hash, rig and window of each are in its own report and its "
+            f"result",
+        ),
         ("Results", f"{results}; other files in runs are of other calls" if runs else ""),
         ("Loads", ", ".join(f"{load:g}" for load in finite[:20]) + (" ohm" if finite else "")),
     ]

@@ -1,11 +1,18 @@
-"""The page of a results folder: efficiency by load, verdicts and findings, with links to every page and file."""
+"""The page of a results folder: efficiency by load, verdicts and findings, with links to every
+page and file.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
 from winchcascade.core.store import INDEX
-from winchcascade.reduction.campaign_record import CampaignRecord, LogSummary, cascade_of, runs_by_load
+from winchcascade.reduction.campaign_record import (
+    CampaignRecord,
+    LogSummary,
+    cascade_of,
+    runs_by_load,
+)
 from winchcascade.report.content import Column, Link, Report, Table, section, table
 from winchcascade.report.results.campaign import fault_notes, findings_note, tiles, verdict_note
 from winchcascade.report.results.campaign_tables import (
@@ -34,13 +41,19 @@ MEANINGS = {
     "dataset/cycles.parquet": "Dataset: a row for each cycle",
     "dataset/bins.parquet": "Dataset: a row for each bin of generator speed",
     "dataset/findings.parquet": "Dataset: a row for each finding",
-    "dataset/runs_all.parquet": "Dataset: a row for each log with every metric, interval and deviation",
+    "dataset/runs_all.parquet": "Dataset: a row for each log with every metric, interval and "
+    "deviation",
     "campaign.json": "Record of the campaign, for programs",
     "diagnosis.json": "Record of the diagnosis, for programs",
 }
 """What the files of a results folder are, in the order of the list."""
 
-_PAGES = {"campaign.html": "Campaign", "diagnosis.html": "Diagnosis", "loss_map.html": "Loss map", INDEX: "All results"}
+_PAGES = {
+    "campaign.html": "Campaign",
+    "diagnosis.html": "Diagnosis",
+    "loss_map.html": "Loss map",
+    INDEX: "All results",
+}
 
 FILES: tuple[Column[str], ...] = (
     Column("file", lambda name: name, link=lambda name: name),
@@ -56,7 +69,11 @@ def links_to(names: Sequence[str], *, above: bool = False) -> list[Link]:
     ----------
     above : the folder is the one above that of the report
     """
-    return [Link(text, f"../{name}" if above else name) for name, text in _PAGES.items() if name in names]
+    return [
+        Link(text, f"../{name}" if above else name)
+        for name, text in _PAGES.items()
+        if name in names
+    ]
 
 
 def results_index(
@@ -90,7 +107,11 @@ def results_index(
         ],
         sections=[
             section("logs", "Logs", _logs(runs, endings)),
-            section("files", "Files of the campaign", table("files", "Files of all logs together.", FILES, listed)),
+            section(
+                "files",
+                "Files of the campaign",
+                table("files", "Files of all logs together.", FILES, listed),
+            ),
         ],
         banner=banner([run.origin for run in runs]),
         links=links_to([name for name in files if name != INDEX]),
@@ -112,5 +133,9 @@ def _logs(runs: Sequence[LogSummary], endings: Sequence[str]) -> Table[LogSummar
         *map(file_column, endings),
     ]
     return Table(
-        "logs", "Efficiencies by load; files: runs/LOG with the ending of each kind.", columns, runs, limit=len(runs)
+        "logs",
+        "Efficiencies by load; files: runs/LOG with the ending of each kind.",
+        columns,
+        runs,
+        limit=len(runs),
     )

@@ -1,4 +1,6 @@
-"""Tables with a row for each log of a campaign, from one list of columns, and the texts of means as these tables show them."""
+"""Tables with a row for each log of a campaign, from one list of columns, and the texts of means
+as these tables show them.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ LogColumn = Column[LogSummary]
 LogTable = Table[LogSummary] | None
 
 
-# ------------------------------------------------------------------------------------------------------- the columns
+# ------------------------------------------------------------------------------------ the columns
 def log_column(ending: str = "") -> LogColumn:
     """Name of a log; with an `ending` it leads to that file of the log."""
     return Column("log", lambda run: run.name, link=file_column(ending).link if ending else None)
@@ -24,12 +26,18 @@ def log_column(ending: str = "") -> LogColumn:
 
 def file_column(ending: str) -> LogColumn:
     """A link to one of the files of a log, in the folder `runs` beside the page."""
-    return Column(ending.upper(), lambda _: ending, link=lambda run: f"runs/{quote(run.name)}.{ending}")
+    return Column(
+        ending.upper(), lambda _: ending, link=lambda run: f"runs/{quote(run.name)}.{ending}"
+    )
 
 
-LOAD: LogColumn = Column("load", lambda run: "open" if run.open_circuit else load_text(run.load), "ohm")
+LOAD: LogColumn = Column(
+    "load", lambda run: "open" if run.open_circuit else load_text(run.load), "ohm"
+)
 SPEED: LogColumn = Column("plateau", lambda run: run.plateau_speed_mps, "m/s", 3)
-WINDOW: LogColumn = Column("window", lambda run: run.window if isinstance(run.window, str) else f"{run.window:g}", "s")
+WINDOW: LogColumn = Column(
+    "window", lambda run: run.window if isinstance(run.window, str) else f"{run.window:g}", "s"
+)
 CYCLES: LogColumn = Column("cycles", lambda run: _share(run.complete, run.cycles))
 DATA: LogColumn = Column("data", lambda run: KINDS[run.origin.measured])
 LOST: LogColumn = Column("data lost", lambda run: 100.0 * run.removed_share, "%", 2)
@@ -46,12 +54,18 @@ def _kinds(run: LogSummary) -> str:
 
 
 def mean_column(name: str, *, brief: bool = True) -> LogColumn:
-    """Mean of a metric with the digits that its uncertainty allows; an open circuit, far below the others, has its own."""
+    """Mean of a metric with the digits that its uncertainty allows; an open circuit, far below
+    the others, has its own.
+    """
     field, term = field_of(name), metric(name)
 
     def cell(run: LogSummary) -> Cell:
         mean = run.mean.get(field)
-        return None if mean is None else Measured(mean, run.standard_uncertainty.get(field), alone=run.open_circuit)
+        return (
+            None
+            if mean is None
+            else Measured(mean, run.standard_uncertainty.get(field), alone=run.open_circuit)
+        )
 
     return Column(short(name), cell, term.unit, term.decimals, brief)
 
@@ -69,7 +83,12 @@ def uncertainty_column(name: str) -> LogColumn:
 
 def interval_column(name: str) -> LogColumn:
     """Interval of 95 % of the mean of a metric."""
-    return Column(f"95 % of {short(name)}", lambda run: interval(run, name), metric(name).unit, metric(name).decimals)
+    return Column(
+        f"95 % of {short(name)}",
+        lambda run: interval(run, name),
+        metric(name).unit,
+        metric(name).decimals,
+    )
 
 
 def interval(run: LogSummary, name: str) -> Span | None:
@@ -99,7 +118,9 @@ def given(runs: Sequence[LogSummary], names: Iterable[str]) -> list[str]:
 
 
 def mean_texts(runs: Sequence[LogSummary], names: Iterable[str]) -> dict[tuple[str, str], str]:
-    """Means as a table of some logs shows them, by the name of the log and the metric: a sentence has the same digits."""
+    """Means as a table of some logs shows them, by the name of the log and the metric: a
+    sentence has the same digits.
+    """
     found = {}
     for name in names:
         column = mean_column(name)
@@ -108,17 +129,25 @@ def mean_texts(runs: Sequence[LogSummary], names: Iterable[str]) -> dict[tuple[s
     return found
 
 
-# -------------------------------------------------------------------------------------------------------- the tables
+# ------------------------------------------------------------------------------------- the tables
 def _table(
-    name: str, caption: str, columns: Sequence[LogColumn], runs: Sequence[LogSummary], *, note: str = ""
+    name: str,
+    caption: str,
+    columns: Sequence[LogColumn],
+    runs: Sequence[LogSummary],
+    *,
+    note: str = "",
 ) -> LogTable:
-    """A table of logs under their names, loads and plateau speeds; None where no further column holds anything."""
+    """A table of logs under their names, loads and plateau speeds; None where no further column
+    holds anything.
+    """
     made = table(name, caption, [log_column(), LOAD, SPEED, *columns], runs, note=note, brief=False)
     return made if columns else None
 
 
 def budget_table(runs: Sequence[LogSummary], *, linked: bool) -> LogTable:
-    """Energies, mean powers and efficiencies by load, in the form of Table 2 of the paper, and how well cycles repeat.
+    """Energies, mean powers and efficiencies by load, in the form of Table 2 of the paper, and how
+    well cycles repeat.
 
     Parameters
     ----------
@@ -135,43 +164,80 @@ def budget_table(runs: Sequence[LogSummary], *, linked: bool) -> LogTable:
         *(deviation_column(name, f"dev({short(name)})") for name in overall),
     ]
     note = (
-        "dev: largest deviation of a cycle from the mean. Digits: as the standard uncertainty allows."
+        "dev: largest deviation of a cycle from the mean. Digits: as the standard uncertainty "
+        "allows."
         if columns
         else ""
     )
-    caption = "Energy budget of the integration window and cascade efficiencies, means of the cycles."
-    return table("budget", caption, [log_column("html" if linked else ""), LOAD, SPEED, *columns], runs, note=note)
+    caption = (
+        "Energy budget of the integration window and cascade efficiencies, means of the cycles."
+    )
+    return table(
+        "budget",
+        caption,
+        [log_column("html" if linked else ""), LOAD, SPEED, *columns],
+        runs,
+        note=note,
+    )
 
 
 def uncertainty_table(runs: Sequence[LogSummary]) -> LogTable:
     """Standard uncertainties of the means, of the efficiencies their intervals."""
     cascade = cascade_of(runs)
-    stages = given(runs, [f"{kind}_{stage}" for stage in cascade.names for kind in ("energy", "power")])
+    stages = given(
+        runs, [f"{kind}_{stage}" for stage in cascade.names for kind in ("energy", "power")]
+    )
     columns = [*map(uncertainty_column, stages), *map(interval_column, given(runs, cascade.ratios))]
     note = (
-        "Coverage 95 %; scatter of the cycles by Student's t, errors of the sensors by their own distributions. Logs with the "
-        "same sensors share these errors, so that differences between loads are better known than each value."
+        "Coverage 95 %; scatter of the cycles by Student's t, errors of the sensors by their own "
+        "distributions. Logs with the "
+        "same sensors share these errors, so that differences between loads are better known than "
+        "each value."
     )
-    return _table("uncertainties", "Standard uncertainties u and intervals of the means.", columns, runs, note=note)
+    return _table(
+        "uncertainties",
+        "Standard uncertainties u and intervals of the means.",
+        columns,
+        runs,
+        note=note,
+    )
 
 
 def net_table(runs: Sequence[LogSummary]) -> LogTable:
     """Energies of whole cycles; None where no log has any."""
     names = given(runs, cascade_of(runs).net_metrics)
     return _table(
-        "net", "Whole cycles, from onset to next onset: independent of the window.", [*map(mean_column, names)], runs
+        "net",
+        "Whole cycles, from onset to next onset: independent of the window.",
+        [*map(mean_column, names)],
+        runs,
     )
 
 
 def repeatability_table(runs: Sequence[LogSummary]) -> LogTable:
     """Largest deviation of any cycle from the mean; None where no log has two cycles."""
     several = [run for run in runs if run.complete > 1]
-    known = {field for run in several for field, value in run.max_deviation_percent.items() if value is not None}
+    known = {
+        field
+        for run in several
+        for field, value in run.max_deviation_percent.items()
+        if value is not None
+    }
     metrics = [name for name in cascade_of(runs).metrics if field_of(name) in known]
     caption = "Largest deviation of any cycle from the mean of its log."
-    return _table("repeatability", caption, [CYCLES, *map(deviation_column, metrics)] if metrics else [], several)
+    return _table(
+        "repeatability",
+        caption,
+        [CYCLES, *map(deviation_column, metrics)] if metrics else [],
+        several,
+    )
 
 
 def logs_table(runs: Sequence[LogSummary]) -> LogTable:
     """Every log: its window and cycles, its data, and what was found wrong with it."""
-    return _table("logs", "Logs: complete cycles, and what checks found.", [WINDOW, CYCLES, DATA, LOST, FINDINGS], runs)
+    return _table(
+        "logs",
+        "Logs: complete cycles, and what checks found.",
+        [WINDOW, CYCLES, DATA, LOST, FINDINGS],
+        runs,
+    )

@@ -1,4 +1,6 @@
-"""What a check against a published table states: every cell with what was found and allowed, those that do not agree first."""
+"""What a check against a published table states: every cell with what was found and allowed,
+those that do not agree first.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,17 @@ from functools import partial
 from pathlib import Path
 
 from winchcascade.core.plain_text import one_line
-from winchcascade.report.content import Column, Measured, Note, Report, Tile, places, section, shown, table
+from winchcascade.report.content import (
+    Column,
+    Measured,
+    Note,
+    Report,
+    Tile,
+    places,
+    section,
+    shown,
+    table,
+)
 from winchcascade.report.glossary import short, upper
 from winchcascade.report.results.common import PRINTED, data_note, provenance, table_rows
 from winchcascade.report.wording import banner
@@ -27,7 +39,11 @@ def check_report(check: Check, *, command: str = "") -> Report:
     lost = counts["not_measured"] + counts["no_run"]
     findings = [(row, text) for row, found in check.findings for text in found]
     verdict = Note(check_summary(check), "Outcome", "good" if check.ok else "warn", brief=False)
-    advice = "" if not counts["miss"] else "`winchcascade audit` shows whether the table contradicts itself."
+    advice = (
+        ""
+        if not counts["miss"]
+        else "`winchcascade audit` shows whether the table contradicts itself."
+    )
     if advice and findings:
         advice = "Correct the logs with findings first."
     return Report(
@@ -47,7 +63,8 @@ def check_report(check: Check, *, command: str = "") -> Report:
             *(Note(text, "Note", "warn") for text in check.notes),
         ],
         sections=[
-            section("findings", "Findings in the logs", table("findings", "What is wrong with the logs.", FINDINGS, findings)),
+            section("findings", "Findings in the logs", table("findings", "What is wrong with the "
+                                                                          "logs.", FINDINGS, findings)),
             section(
                 "cells", "Cells, those that do not agree first",
                 table("cells", "Printed and found values.", _columns(check), sorted(check.cells, key=lambda cell: cell.ok),
@@ -72,11 +89,15 @@ FINDINGS: tuple[Column[tuple[TableRow, str]], ...] = (
 
 def failed_check(check: Check) -> Report:
     """The cells that do not agree alone."""
-    return Report("Check", check_summary(check), points=[Note(miss_sentence(cell)) for cell in check.misses])
+    return Report(
+        "Check", check_summary(check), points=[Note(miss_sentence(cell)) for cell in check.misses]
+    )
 
 
 def miss_sentence(cell: CellCheck) -> str:
-    """Say of a cell that does not agree where it stands, what is printed, what was found and by how much it differs."""
+    """Say of a cell that does not agree where it stands, what is printed, what was found and by
+    how much it differs.
+    """
     place = f"{cell.row.name}, {cell.metric}: {cell.cell.words} is printed"
     log = one_line(cell.log or "the log")
     if cell.outcome == "no_run":
@@ -85,7 +106,8 @@ def miss_sentence(cell: CellCheck) -> str:
         return f"{place}, and {log} has no measured value."
     difference = shown(_finer(cell, cell.difference), signed=True)
     return (
-        f"{place}, {log} gives {shown(_finer(cell, cell.measured))}; the difference {difference} is beyond "
+        f"{place}, {log} gives {shown(_finer(cell, cell.measured))}; the difference {difference} "
+        f"is beyond "
         f"{shown(_finer(cell, cell.tolerance))} by {shown(beyond(cell))}."
     )
 
@@ -93,9 +115,19 @@ def miss_sentence(cell: CellCheck) -> str:
 def check_summary(check: Check) -> str:
     """How many cells agree, and why others do not."""
     count, found = len(check.cells), Counter[str](cell.outcome for cell in check.misses)
-    words = {"miss": "differ" + "s" * (found["miss"] == 1), "not_measured": "not measured", "no_run": "without a run"}
-    named = ", ".join(f"{found[outcome]} {word}" for outcome, word in words.items() if found[outcome])
-    return f"All {count} cells agree." if check.ok else f"{count - len(check.misses)} of {count} cells agree; {named}."
+    words = {
+        "miss": "differ" + "s" * (found["miss"] == 1),
+        "not_measured": "not measured",
+        "no_run": "without a run",
+    }
+    named = ", ".join(
+        f"{found[outcome]} {word}" for outcome, word in words.items() if found[outcome]
+    )
+    return (
+        f"All {count} cells agree."
+        if check.ok
+        else f"{count - len(check.misses)} of {count} cells agree; {named}."
+    )
 
 
 def _columns(check: Check) -> list[Column[CellCheck]]:
@@ -107,14 +139,23 @@ def _columns(check: Check) -> list[Column[CellCheck]]:
         Column("row", lambda cell: cell.row.name),
         Column("cell", lambda cell: short(cell.metric)),
         Column("unit", lambda cell: "" if cell.cell.unit == "1" else cell.cell.unit),
-        Column("printed", lambda cell: Measured(cell.cell.value, PRINTED * cell.cell.rounding), own_digits=True),
+        Column(
+            "printed",
+            lambda cell: Measured(cell.cell.value, PRINTED * cell.cell.rounding),
+            own_digits=True,
+        ),
         Column("found", lambda cell: _finer(cell, cell.measured), own_digits=True),
         Column("differs", lambda cell: _finer(cell, cell.difference), own_digits=True, signed=True),
         Column("allowed", partial(_allowed, "tolerance"), own_digits=True),
         Column("beyond", beyond, own_digits=True),
         Column("outcome", lambda cell: OUTCOMES[cell.outcome]),
-        *(Column(PARTS[part], partial(_allowed, part), brief=False, own_digits=True) for part in _parts(check)),
-        Column("log", lambda cell: one_line(Path(cell.log).name) if cell.log else "", brief=several),
+        *(
+            Column(PARTS[part], partial(_allowed, part), brief=False, own_digits=True)
+            for part in _parts(check)
+        ),
+        Column(
+            "log", lambda cell: one_line(Path(cell.log).name) if cell.log else "", brief=several
+        ),
     ]
 
 
@@ -141,7 +182,9 @@ def _allowed(part: str, cell: CellCheck) -> Measured | None:
 
 
 def beyond(cell: CellCheck) -> Measured | None:
-    """How far a cell that differs is beyond what is allowed, never as 0: a small number with its first two digits."""
+    """How far a cell that differs is beyond what is allowed, never as 0: a small number with its
+    first two digits.
+    """
     missed = cell.missed_by
     if missed is None or cell.ok:
         return None
@@ -160,4 +203,7 @@ def recipe(check: Check) -> str:
     )
     texts = [part if factor == 1 else f"{factor:g} x {part}" for factor, part in named if factor]
     means = factors.means * checked.tolerance
-    return " + ".join(texts + ([f"{100.0 * means:g} % that means may differ by"] if means else [])) or "nothing"
+    return (
+        " + ".join(texts + ([f"{100.0 * means:g} % that means may differ by"] if means else []))
+        or "nothing"
+    )

@@ -1,4 +1,6 @@
-"""Blocks that the reports of several results have: where the data come from, provenance, and time histories."""
+"""Blocks that the reports of several results have: where the data come from, provenance, and
+time histories.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ if TYPE_CHECKING:
     from winchcascade.tables.published_table import PublishedTable
 
 PRINTED = 20.0
-"""Standard uncertainty with which a number has the decimals that are printed, per half a unit of the last one."""
+"""Standard uncertainty with which a number has the decimals that are printed, per half a unit of
+the last one.
+"""
 
 
 def table_rows(table: PublishedTable) -> list[tuple[str, Cell]]:
@@ -41,21 +45,31 @@ def samples_row(run: Run) -> tuple[str, str]:
 
 
 def data_note(origins: Sequence[Origin]) -> Note:
-    """Whether the data are measured and where they come from; a warning where any are not measured."""
+    """Whether the data are measured and where they come from; a warning where any are not
+    measured.
+    """
     words = upper(origin_words(origins))
     made = any(origin.measured is False for origin in origins)
     return Note(words if words.endswith(".") else f"{words}.", "Data", "warn" if made else "plain")
 
 
 def provenance(rows: Sequence[tuple[str, Cell]], command: str = "") -> Section:
-    """Where every number comes from, rows without a value left out, and how the report was made; folded."""
+    """Where every number comes from, rows without a value left out, and how the report was made;
+    folded.
+    """
     made: list[tuple[str, Cell]] = [
-        ("Made by", f"winchcascade {__version__}, Python {platform.python_version()}, numpy {numpy.__version__}"),
+        (
+            "Made by",
+            f"winchcascade {__version__}, Python {platform.python_version()}, numpy "
+            f"{numpy.__version__}",
+        ),
         ("Command", command),
         ("Made on", made_at().strftime("%Y-%m-%d %H:%M:%S UTC")),
     ]
     given = [row for row in (*rows, *made) if row[1] not in (None, "")]
-    listed = Table("provenance", "What the report was made from, and how.", PAIRS, given, brief=False)
+    listed = Table(
+        "provenance", "What the report was made from, and how.", PAIRS, given, brief=False
+    )
     return section("provenance", "Provenance", listed, folded=True)
 
 
@@ -72,7 +86,8 @@ def histories(reduction: Reduction) -> Section:
         "histories", "Time histories",
         picture(
             history_figure(history), "histories", caption,
-            "Line plots of every channel over time; the values are in the log, means of the phases in the tables.",
+            "Line plots of every channel over time; the values are in the log, means of the "
+            "phases in the tables.",
             history_json(history),
         ),
     )  # fmt: skip

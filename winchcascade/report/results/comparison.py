@@ -1,4 +1,6 @@
-"""What a comparison states: differences of both sides with intervals, their parts, and what limits them."""
+"""What a comparison states: differences of both sides with intervals, their parts, and what
+limits them.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,12 @@ from msgspec.structs import replace
 
 from winchcascade.comparison.comparability import rule_text
 from winchcascade.comparison.compared_run import ComparedRun
-from winchcascade.comparison.comparison_result import ComparedSide, Comparison, ComparisonNote, MatchedRuns
+from winchcascade.comparison.comparison_result import (
+    ComparedSide,
+    Comparison,
+    ComparisonNote,
+    MatchedRuns,
+)
 from winchcascade.comparison.differences import Difference
 from winchcascade.comparison.gate import Drop, Gate
 from winchcascade.core.plain_text import first_of
@@ -50,14 +57,22 @@ class Row(NamedTuple):
 
 
 @house_style()
-def comparison_report(found: Comparison, gate: Gate | None = None, *, command: str = "") -> content.Report:
+def comparison_report(
+    found: Comparison, gate: Gate | None = None, *, command: str = ""
+) -> content.Report:
     """Report of a comparison; `gate` holds its drops against a limit."""
     etas, drawn = rows_of(found, "eta"), [*by_metric(rows_of(found, "eta", whole=False))]
-    limit = None if gate is None else Note(gate_words(gate), "Limit", "good" if gate.ok else "warn", brief=False)
+    limit = (
+        None
+        if gate is None
+        else Note(gate_words(gate), "Limit", "good" if gate.ok else "warn", brief=False)
+    )
     return content.Report(
         kind="Comparison",
-        title=f"{_name(found.b.name, found.a.name)} compared with {_name(found.a.name, found.b.name)}",
-        subtitle=f"B - A of {_count(found.runs, 'run')}, matched by {found.matched_by.replace('_', ' ')}",
+        title=f"{_name(found.b.name, found.a.name)} compared with "
+              f"{_name(found.a.name, found.b.name)}",
+        subtitle=f"B - A of {_count(found.runs, 'run')}, matched by "
+                 f"{found.matched_by.replace('_', ' ')}",
         tiles=_tiles(found, etas),
         points=[limit, *_points(found, etas)],
         sections=[
@@ -65,8 +80,10 @@ def comparison_report(found: Comparison, gate: Gate | None = None, *, command: s
                 "efficiencies", "Efficiencies",
                 content.picture(
                     difference_figure(found, drawn) if drawn else None, "differences",
-                    f"B - A with 95 % intervals, {MAX_DRAWN} runs at most; full markers: the interval excludes zero.",
-                    "Points with intervals about zero, one panel for each efficiency; the values are in the table.",
+                    f"B - A with 95 % intervals, {MAX_DRAWN} runs at most; full markers: the "
+                    f"interval excludes zero.",
+                    "Points with intervals about zero, one panel for each efficiency; the values "
+                    "are in the table.",
                 ),
                 differences_table("efficiencies", etas),
             ),
@@ -87,10 +104,19 @@ def comparison_report(found: Comparison, gate: Gate | None = None, *, command: s
 
 
 def rows_of(found: Comparison, *kinds: str, whole: bool | None = None) -> list[Row]:
-    """Differences of some kinds of metrics, each over all runs: of whole cycles, of the windows, or of both (None)."""
+    """Differences of some kinds of metrics, each over all runs: of whole cycles, of the windows,
+    or of both (None).
+    """
     cycles = {name for run in found.a.runs for name in run.cascade.net_metrics}
-    metrics = [name for name in found.metrics if name.startswith(kinds) and whole in (None, name in cycles)]
-    return [Row(runs, one) for name in metrics for runs in found.runs if (one := runs.of(name)) is not None]
+    metrics = [
+        name for name in found.metrics if name.startswith(kinds) and whole in (None, name in cycles)
+    ]
+    return [
+        Row(runs, one)
+        for name in metrics
+        for runs in found.runs
+        if (one := runs.of(name)) is not None
+    ]
 
 
 def by_metric(rows: Iterable[Row]) -> dict[str, list[Row]]:
@@ -106,16 +132,35 @@ DIFFERENCE: tuple[Column[Row], ...] = (
     Column("B", lambda row: Measured(row.of.b, row.u), own_digits=True),
     Column("B - A", lambda row: Measured(row.of.value, row.u), signed=True, own_digits=True),
     Column("95 % interval", lambda row: row.interval, own_digits=True),
-    Column("B/A - 1", lambda row: row.of.relative and 100.0 * row.of.relative, "%", 1, brief=False, signed=True),
+    Column(
+        "B/A - 1",
+        lambda row: row.of.relative and 100.0 * row.of.relative,
+        "%",
+        1,
+        brief=False,
+        signed=True,
+    ),
     Column("excludes 0", lambda row: {True: "yes", False: "no", None: None}[row.of.excludes_zero]),
-    Column("u, cycles", lambda row: Measured(row.of.repeatability, row.of.repeatability), brief=False, own_digits=True),
-    Column("u, sensors", lambda row: Measured(row.of.sensors, row.of.sensors), brief=False, own_digits=True),
+    Column(
+        "u, cycles",
+        lambda row: Measured(row.of.repeatability, row.of.repeatability),
+        brief=False,
+        own_digits=True,
+    ),
+    Column(
+        "u, sensors",
+        lambda row: Measured(row.of.sensors, row.of.sensors),
+        brief=False,
+        own_digits=True,
+    ),
     Column("ν", lambda row: row.of.freedom, decimals=1, brief=False),
 )
 """Means of both sides, their difference with its interval, and the parts of its uncertainty."""
 
 
-def differences_table(name: str, rows: Sequence[Row], *, brief: bool = True) -> content.Table[Row] | None:
+def differences_table(
+    name: str, rows: Sequence[Row], *, brief: bool = True
+) -> content.Table[Row] | None:
     """Means of both sides and their differences with intervals; None without any."""
     caption = f"{name.replace('-', ' ').capitalize()} of A and B, and their differences; u: standard uncertainty."
     return content.table(f"{name}-differences", caption, DIFFERENCE, rows, brief=brief)
@@ -134,7 +179,9 @@ def _logs(found: Comparison) -> content.Table[tuple[str, ComparedRun]] | None:
         Column("findings", lambda row: row[1].findings),
     ]
     logs = [(name, run) for name, side in (("A", found.a), ("B", found.b)) for run in side.runs]
-    return content.table("logs", "Logs of both sides; plateau: mean of the payouts.", columns, logs, brief=False)
+    return content.table(
+        "logs", "Logs of both sides; plateau: mean of the payouts.", columns, logs, brief=False
+    )
 
 
 def drops_table(gate: Gate) -> content.Table[Drop] | None:
@@ -147,11 +194,15 @@ def drops_table(gate: Gate) -> content.Table[Drop] | None:
         Column("outcome", lambda drop: "failed" if drop.fails else "passed"),
         Column("interval", lambda drop: drop.interval and both.get(drop.verdict, drop.verdict)),
     ]
-    return content.table("limit", f"Drops A - B of {gate.metric}, at most {gate.limit:g}.", columns, gate.drops)
+    return content.table(
+        "limit", f"Drops A - B of {gate.metric}, at most {gate.limit:g}.", columns, gate.drops
+    )
 
 
 def _name(name: str, other: str) -> str:
-    """Name of a side in the title: that of its file or folder alone, if the other side has another one."""
+    """Name of a side in the title: that of its file or folder alone, if the other side has
+    another one.
+    """
     last = Path(name).name
     return last if last and last != Path(other).name else name
 
@@ -172,9 +223,13 @@ def _tiles(found: Comparison, etas: Sequence[Row]) -> list[Tile]:
 
 def _points(found: Comparison, etas: Sequence[Row]) -> list[Note]:
     """Both sides, what was found, and what limits it."""
-    notes = [(f"{upper(_note_words(note, len(found.runs)))}.", note.is_warning) for note in found.notes]
+    notes = [
+        (f"{upper(_note_words(note, len(found.runs)))}.", note.is_warning) for note in found.notes
+    ]
     alone = (("A", found.alone_a), ("B", found.alone_b))
-    sensors = "Independent; if the same sensors measured A and B, --same-sensors shares their gains."
+    sensors = (
+        "Independent; if the same sensors measured A and B, --same-sensors shares their gains."
+    )
     if found.same_sensors:
         sensors = f"The same: A and B share the gains of {', '.join(found.shared) or 'no sensor'}, not the zeros."
     return [
@@ -184,7 +239,9 @@ def _points(found: Comparison, etas: Sequence[Row]) -> list[Note]:
         *(Note(text, "Warning", "warn") if warns else Note(text, "Note") for text, warns in notes),
         Note(sensors, "Sensors"),
         *(
-            Note(f"{name}: {first_of([run.name for run in runs], NAMED_RUNS)}.", "Unmatched", "warn")
+            Note(
+                f"{name}: {first_of([run.name for run in runs], NAMED_RUNS)}.", "Unmatched", "warn"
+            )
             for name, runs in alone
             if runs
         ),
@@ -200,7 +257,10 @@ def _side(name: str, side: ComparedSide) -> Note:
 def _significance(etas: Sequence[Row]) -> str:
     """Of how many runs the interval of each efficiency excludes zero; empty without an interval."""
     judged = by_metric(row for row in etas if row.of.interval is not None).items()
-    parts = [f"{name} in {sum(row.of.excludes_zero is True for row in rows)} of {len(rows)}" for name, rows in judged]
+    parts = [
+        f"{name} in {sum(row.of.excludes_zero is True for row in rows)} of {len(rows)}"
+        for name, rows in judged
+    ]
     return f"Runs whose interval excludes zero: {', '.join(parts)}." if parts else ""
 
 
@@ -209,7 +269,11 @@ def _note_words(note: ComparisonNote, of: int) -> str:
     if note.details:
         pairs = zip(note.runs, note.details, strict=True)
         return f"{note.message} ({first_of([f'{run}: {detail}' for run, detail in pairs], NAMED_RUNS, '; ')})"
-    return note.message if len(note.runs) in (0, of) else f"{first_of(note.runs, NAMED_RUNS)}: {note.message}"
+    return (
+        note.message
+        if len(note.runs) in (0, of)
+        else f"{first_of(note.runs, NAMED_RUNS)}: {note.message}"
+    )
 
 
 def _count(items: Sequence[object], what: str) -> str:
@@ -218,6 +282,10 @@ def _count(items: Sequence[object], what: str) -> str:
 
 def gate_words(gate: Gate) -> str:
     """The outcome of the gate in one sentence."""
-    outcome = f"{'passed' if gate.ok else 'failed'}: {gate.metric} drops by more than {gate.limit:g}"
-    without = f"; {first_of(gate.without, NAMED_RUNS)} without {gate.metric}" if gate.without else ""
+    outcome = (
+        f"{'passed' if gate.ok else 'failed'}: {gate.metric} drops by more than {gate.limit:g}"
+    )
+    without = (
+        f"; {first_of(gate.without, NAMED_RUNS)} without {gate.metric}" if gate.without else ""
+    )
     return f"{outcome} in {len(gate.failed) or 'none'} of {_count(gate.drops, 'run')}{without}."

@@ -18,7 +18,9 @@ from winchcascade.core.version import __version__
 
 
 def comparison_record(found: Comparison, gate: Gate | None = None) -> dict[str, Any]:
-    """The comparison as it is written: inf is null there; differences are B - A, null where a side has no such mean."""
+    """The comparison as it is written: inf is null there; differences are B - A, null where a
+    side has no such mean.
+    """
     return {
         "schema": "winchcascade/comparison/1",
         "version": __version__,

@@ -1,4 +1,6 @@
-"""What a design states: the best load of each speed, maps with intervals, and what each repair is worth."""
+"""What a design states: the best load of each speed, maps with intervals, and what each repair
+is worth.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,7 @@ SHOWN = (
 """Quantities of the table of operating points, with their heads and units."""
 
 
-# -------------------------------------------------------------------------------------------------------------------- JSON
+# ------------------------------------------------------------------------------------------- JSON
 def design_record(found: Design) -> dict[str, Any]:
     """The design as JSON: SI units, loads in ohm, 95 % intervals as low and high."""
     alike = found.tested.judgement.look_alikes
@@ -52,17 +54,34 @@ def design_record(found: Design) -> dict[str, Any]:
         "rows": [
             {"load_ohm": row.load, "speed_mps": row.speed}
             | {name: _band(band) for name, band in row.values.items()}
-            | {"within_domain": row.within_domain, "over_limit": bool(row.exceeds), "exceeds": list(row.exceeds)}
+            | {
+                "within_domain": row.within_domain,
+                "over_limit": bool(row.exceeds),
+                "exceeds": list(row.exceeds),
+            }
             for row in found.rows
         ],
         "schedule": [
-            {"rpm_low": one.rpm_low, "rpm_high": one.rpm_high, "load_ohm": one.load, "criterion": one.criterion}
+            {
+                "rpm_low": one.rpm_low,
+                "rpm_high": one.rpm_high,
+                "load_ohm": one.load,
+                "criterion": one.criterion,
+            }
             | {"gain_over_fixed": one.gain and one.gain.value, "low": one.gain and one.gain.low}
-            | {"high": one.gain and one.gain.high, "within_domain": one.within_domain, "reason": one.reason or None}
+            | {
+                "high": one.gain and one.gain.high,
+                "within_domain": one.within_domain,
+                "reason": one.reason or None,
+            }
             for one in found.schedule
         ],
-        "fixed_load_ohm": {name: None if math.isnan(load) else load for name, load in found.fixed.items()},
-        "repairs": [_repair(one) | {"look_alikes": list(alike.get(one.effect, ()))} for one in found.repairs],
+        "fixed_load_ohm": {
+            name: None if math.isnan(load) else load for name, load in found.fixed.items()
+        },
+        "repairs": [
+            _repair(one) | {"look_alikes": list(alike.get(one.effect, ()))} for one in found.repairs
+        ],
         "repaired_at_load_ohm": found.repaired_at,
     }
 
@@ -76,15 +95,20 @@ def _band(band: Band) -> dict[str, float | None]:
 
 def _repair(one: Repair) -> dict[str, Any]:
     """A repair, with what it brings in a year where the motions have a number."""
-    record = {"effect": one.effect, "energy_j_per_cycle": one.per_cycle.value, "low": one.per_cycle.low}
+    record = {
+        "effect": one.effect,
+        "energy_j_per_cycle": one.per_cycle.value,
+        "low": one.per_cycle.low,
+    }
     record |= {"high": one.per_cycle.high, "line_energy_saved_j_per_cycle": _band(one.saved)}
     record |= {"within_domain": one.within_domain}
     return record | ({} if one.per_year is None else {"energy_kwh_per_year": _band(one.per_year)})
 
 
 def schedule_csv(found: Design, criterion: str = "power") -> str:
-    """The schedule as a controller reads it: in each row a band of generator speed [rpm], its load [ohm], whether the logs
-    cover that, and the verdict of the diagnosis; bands without a load are left out.
+    """The schedule as a controller reads it: in each row a band of generator speed [rpm], its load
+    [ohm], whether the logs cover that, and the verdict of the diagnosis; bands without a load are
+    left out.
     """
     verdict = found.tested.judgement.verdict
     rows = [one for one in found.schedule if one.criterion == criterion and one.load is not None]
@@ -95,7 +119,7 @@ def schedule_csv(found: Design, criterion: str = "power") -> str:
     return "\n".join(["rpm_low,rpm_high,load_ohm,within_domain,verdict", *lines]) + "\n"
 
 
-# ------------------------------------------------------------------------------------------------------------------ report
+# ----------------------------------------------------------------------------------------- report
 @house_style()
 def design_report(found: Design, *, command: str = "") -> Report:
     """Report of a design."""
@@ -105,14 +129,21 @@ def design_report(found: Design, *, command: str = "") -> Report:
     outside = sum(not row.within_domain for row in found.rows)
     over = sum(bool(row.exceeds) for row in found.rows)
     repaired = {one.effect for one in found.repairs}
-    alike = {name: others for name, others in tested.judgement.look_alikes.items() if name in repaired}
-    best = [f"{shown(load)} ohm for {criterion}" for criterion, load in found.fixed.items() if not math.isnan(load)]
+    alike = {
+        name: others for name, others in tested.judgement.look_alikes.items() if name in repaired
+    }
+    best = [
+        f"{shown(load)} ohm for {criterion}"
+        for criterion, load in found.fixed.items()
+        if not math.isnan(load)
+    ]
     return Report(
         kind="Design with a corrected rig",
         title=f"{tested.title}: other loads and speeds",
         subtitle=f"rig {tested.rig} · {found.motion}",
         points=[
-            Note("Predicted by the corrected rig without errors of its sensors; no value was measured.", "Data", "warn"),
+            Note("Predicted by the corrected rig without errors of its sensors; no value was "
+                 "measured.", "Data", "warn"),
             judgement_note(tested.judgement),
             Note("; ".join(f"{name} or {' or '.join(others)}" for name, others in alike.items())
                  + ": the logs do not distinguish them, and a repair is worth what is stated only if the first acts.",
@@ -125,7 +156,8 @@ def design_report(found: Design, *, command: str = "") -> Report:
             section("schedule", "Schedule", picture(
                 schedule_figure(found), "schedule",
                 "Best load over generator speed.",
-                "Load in ohm over generator speed for most power and for most efficiency; the values are in the table.",
+                "Load in ohm over generator speed for most power and for most efficiency; the "
+                "values are in the table.",
             ), _schedule_table(found)),
             section("map", "Map", picture(
                 map_figure(found), "map",
@@ -146,7 +178,9 @@ def design_report(found: Design, *, command: str = "") -> Report:
 def _limits(found: Design) -> str:
     """The limits that are set."""
     each = {name: (getattr(found.limits, name), unit) for name, (_, unit) in LIMITED.items()}
-    return " or ".join(f"{name} {limit:.4g} {unit}" for name, (limit, unit) in each.items() if math.isfinite(limit))
+    return " or ".join(
+        f"{name} {limit:.4g} {unit}" for name, (limit, unit) in each.items() if math.isfinite(limit)
+    )
 
 
 def _cell(band: Band) -> Cell:
@@ -163,9 +197,16 @@ def _schedule_table(found: Design) -> Any:
         Column("for most", lambda one: one.criterion),
         Column("speed", lambda one: Span(one.rpm_low, one.rpm_high), "rpm", 0),
         Column("load", lambda one: one.load, "ohm", own_digits=True),
-        Column("gain over fixed", lambda one: None if one.gain is None else 100.0 * one.gain.value, "%", 2),
+        Column(
+            "gain over fixed",
+            lambda one: None if one.gain is None else 100.0 * one.gain.value,
+            "%",
+            2,
+        ),
         Column("95 % interval", lambda one: _percent(one.gain), "%", 2),
-        Column("domain", lambda one: one.reason or ("covered" if one.within_domain else "not covered")),
+        Column(
+            "domain", lambda one: one.reason or ("covered" if one.within_domain else "not covered")
+        ),
     ]
     return table("schedule", "Best load of each band of generator speed.", columns, found.schedule)
 
@@ -203,7 +244,10 @@ def _repairs_section(found: Design) -> Section:
         Column("domain", lambda one: "covered" if one.within_domain else "not covered"),
     ]  # fmt: skip
     caption = (
-        f"At {shown(found.repaired_at)} ohm without each effect: energy delivered more, and taken less from the line; "
+        f"At {shown(found.repaired_at)} ohm without each effect: energy delivered more, and taken "
+        f"less from the line; "
         "negative: the reverse."
     )
-    return section("repairs", "Worth of a repair", table("repairs", caption, columns, found.repairs))
+    return section(
+        "repairs", "Worth of a repair", table("repairs", caption, columns, found.repairs)
+    )

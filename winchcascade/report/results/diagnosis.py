@@ -1,4 +1,6 @@
-"""What a diagnosis with a model states: verdict, causes and their costs, what to do next, and the evidence behind them."""
+"""What a diagnosis with a model states: verdict, causes and their costs, what to do next, and
+the evidence behind them.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +9,21 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, ModelForm, Place, Shrunk, SingleEffect
+from winchcascade.diagnosis.diagnosis_result import (
+    DiagnosisResult,
+    ModelForm,
+    Place,
+    Shrunk,
+    SingleEffect,
+)
 from winchcascade.diagnosis.explain.contributions import EFFICIENCIES, leading_metric
-from winchcascade.diagnosis.explain.figure_data import block_table, cost_of, largest_gap, load_costs, mean_costs
+from winchcascade.diagnosis.explain.figure_data import (
+    block_table,
+    cost_of,
+    largest_gap,
+    load_costs,
+    mean_costs,
+)
 from winchcascade.diagnosis.explain.gap_map import STANDS_OUT
 from winchcascade.diagnosis.explain.thresholds import Threshold
 from winchcascade.diagnosis.fit.nuisances import Nuisance
@@ -85,12 +99,14 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
     return Report(
         kind="Diagnosis of a campaign",
         title=f"{found.title}: {words.VERDICTS[found.verdict].lower()}",
-        subtitle=f"{len(found.runs)} logs · rig {found.rig.name} · {len(found.suspects)} effects tried",
+        subtitle=f"{len(found.runs)} logs · rig {found.rig.name} · {len(found.suspects)} effects "
+                 f"tried",
         tiles=_tiles(found),
         lead=picture(
             waterfall_figure(found, word), "waterfall",
             f"{leading} from {baseline_words(found)} to {word}, part by part; black: 95 %.",
-            "Bars from one level to the next; the values are in the table of what each cause costs.",
+            "Bars from one level to the next; the values are in the table of what each cause "
+            "costs.",
         ),
         points=_points(found),
         sections=[
@@ -116,28 +132,46 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
     )  # fmt: skip
 
 
-# ------------------------------------------------------------------------------------------------------ the first screen
+# ------------------------------------------------------------------------------- the first screen
 def _tiles(found: ModelDiagnosis) -> list[Tile]:
-    """Verdict, largest cost and next step; without causes the first sign, or the place that deviates most."""
+    """Verdict, largest cost and next step; without causes the first sign, or the place that
+    deviates most.
+    """
     shown, costs = [verdict_tile(found)], mean_costs(found)
     for cause in found.causes[:1]:
         change = cost_of(costs, cause)
         if costs is not None and change is not None:
             name = "Largest cost" if change < 0.0 else "Largest change"
             place = f"of {costs.metric}, mean over the loads"
-            shown.append(Tile(name, place, found.suspects[cause.effect].label, f"{change:+.1f} points"))
+            shown.append(
+                Tile(name, place, found.suspects[cause.effect].label, f"{change:+.1f} points")
+            )
     alarms = () if found.remainder is None else found.remainder.alarms
-    worst = max((one for one in found.places if math.isfinite(one.z)), key=lambda one: abs(one.z), default=None)
+    worst = max(
+        (one for one in found.places if math.isfinite(one.z)),
+        key=lambda one: abs(one.z),
+        default=None,
+    )
     if not found.causes and alarms:
-        place, size = alarm_place(alarms[0], files_of(found)), f"{alarms[0].size:.3g}, limit {alarms[0].limit:g}"
+        place, size = (
+            alarm_place(alarms[0], files_of(found)),
+            f"{alarms[0].size:.3g}, limit {alarms[0].limit:g}",
+        )
         if alarms[0].kind == "nuisance":
             shown.append(
-                Tile("Next step", "the fit moves it most", f"Check the {place}", f"standard uncertainties: {size}")
+                Tile(
+                    "Next step",
+                    "the fit moves it most",
+                    f"Check the {place}",
+                    f"standard uncertainties: {size}",
+                )
             )
         else:
             shown.append(Tile("First sign", alarms[0].kind, place, size))
     elif not found.causes and worst is not None:
-        where = f"{NAMES[worst.channel]}, {phase_words(worst.phase)}, {load_words(worst.load, 'ohm')}"
+        where = (
+            f"{NAMES[worst.channel]}, {phase_words(worst.phase)}, {load_words(worst.load, 'ohm')}"
+        )
         limit = f"standard uncertainties; significant from {STANDS_OUT:g}"
         shown.append(Tile("Largest deviation", where, f"{worst.z:+.1f}", limit))
     return [*shown, *step_tile(found)]
@@ -149,32 +183,43 @@ def _points(found: ModelDiagnosis) -> list[Note | None]:
     hidden = ", ".join(name for name in found.unnamed if name not in listed)
     return [
         *first_points(found),
-        Note(f"The fit used {hidden} too: it may only imitate what acts." if hidden else "", "Not named", "warn"),
+        Note(
+            f"The fit used {hidden} too: it may only imitate what acts." if hidden else "",
+            "Not named",
+            "warn",
+        ),
         Note(words.start_words(found), "Start"),
         Note(words.not_visible_words(found), "Not shown"),
     ]
 
 
 def _own_simulation(found: ModelDiagnosis) -> Section:
-    """What the own simulation has in another form than the rig's model, the largest difference first."""
+    """What the own simulation has in another form than the rig's model, the largest difference
+    first.
+    """
     own, causes = found.own_simulation, {cause.effect for cause in found.causes}
     forms = () if own is None else own.forms
     agrees = "Your simulation agrees with the model of the rig file within its uncertainties."
 
     def contained(form: ModelForm) -> str:
         numbers = {} if own is None or form.likely is None else own.numbers.get(form.likely, {})
-        shown = [(display_of(form.likely or "", name, value.unit), value) for name, value in numbers.items()]
+        shown = [
+            (display_of(form.likely or "", name, value.unit), value)
+            for name, value in numbers.items()
+        ]
         return "; ".join(f"{how.what} {number_words(how, value)[0]}" for how, value in shown)
 
     return section(
         "own-simulation", "Your simulation",
         note_of(agrees if own is not None and not forms else ""),
         table(
-            "model-form", "Your simulation minus the model of the rig file, where they differ most.",
+            "model-form", "Your simulation minus the model of the rig file, where they differ "
+                          "most.",
             [
                 Column("likely", lambda form: form.likely or "unknown"),
                 Column("stage", lambda form: form.stage),
-                Column("place", lambda form: f"{NAMES[form.channel]}, {phase_words(form.phase)}{at_words(form.load)}"),
+                Column("place", lambda form: f"{NAMES[form.channel]}, "
+                                             f"{phase_words(form.phase)}{at_words(form.load)}"),
                 Column("difference", lambda form: bias_cell(form, CHANNELS[form.channel].factor, signed=True), own_digits=True),
                 Column("unit", lambda form: CHANNELS[form.channel].unit),
                 Column("it contains", contained),
@@ -185,7 +230,7 @@ def _own_simulation(found: ModelDiagnosis) -> Section:
     )  # fmt: skip
 
 
-# ----------------------------------------------------------------------------------------------------------------- costs
+# ------------------------------------------------------------------------------------------ costs
 class CostRow(NamedTuple):
     """One row of the split of an efficiency: a level or a part at each load. [%, points]"""
 
@@ -202,12 +247,16 @@ def _other_costs(found: ModelDiagnosis) -> Section:
 
 
 def _cost_table(found: ModelDiagnosis, metric: str | None, *, brief: bool) -> Table[CostRow] | None:
-    """Levels and parts of an efficiency (rows) by load (columns), the causes that cost most first."""
+    """Levels and parts of an efficiency (rows) by load (columns), the causes that cost most
+    first.
+    """
     costs = load_costs(found, metric)
     if not costs:
         return None
     order = {cause.effect: k for k, cause in enumerate(found.causes)}
-    parts = sorted(enumerate(costs[0].parts), key=lambda one: order.get(one[1].effect or "", len(order)))
+    parts = sorted(
+        enumerate(costs[0].parts), key=lambda one: order.get(one[1].effect or "", len(order))
+    )
 
     def at(k: int) -> Column[CostRow]:
         return Column(load_words(costs[k].load, "ohm"), lambda row: row.values[k], decimals=1)
@@ -215,31 +264,41 @@ def _cost_table(found: ModelDiagnosis, metric: str | None, *, brief: bool) -> Ta
     rows = [
         CostRow(baseline_words(found), "%", [one.as_given for one in costs]),
         *(
-            CostRow(part.effect or part.kind.replace("_", " "), "points", [one.parts[k].value for one in costs])
+            CostRow(
+                part.effect or part.kind.replace("_", " "),
+                "points",
+                [one.parts[k].value for one in costs],
+            )
             for k, part in parts
         ),
         CostRow(word_of(found), "%", [one.measured for one in costs]),
     ]
-    columns: list[Column[CostRow]] = [Column("part", lambda row: row.name), Column("unit", lambda row: row.unit)]
+    columns: list[Column[CostRow]] = [
+        Column("part", lambda row: row.name),
+        Column("unit", lambda row: row.unit),
+    ]
     columns += [at(k) for k in range(len(costs))]
     caption = f"{metric} by load, and what each part changes of it."
     return Table(f"costs-{costs[0].metric.replace('_', '-')}", caption, columns, rows, brief=brief)
 
 
-# ---------------------------------------------------------------------------------------------------------- the evidence
+# ----------------------------------------------------------------------------------- the evidence
 def _where(found: ModelDiagnosis, word: str) -> Section:
     minus = f"{upper(word)} minus {baseline_words(found)}"
     return section(
         "where", "Where the gap lies",
         picture(
             figures.gap_map(found), "map",
-            f"{minus}, as a mean over each phase of each log, in standard uncertainties; coloured beyond {STANDS_OUT:g}.",
-            "Matrix of numbers by channel and phase (rows) and load (columns); the largest are in the table.",
+            f"{minus}, as a mean over each phase of each log, in standard uncertainties; coloured "
+            f"beyond {STANDS_OUT:g}.",
+            "Matrix of numbers by channel and phase (rows) and load (columns); the largest are in "
+            "the table.",
         ),
         _places(found.places),
         picture(
             figures.stage_map(found), "stage-map",
-            f"Stage by stage: {word} minus what each stage makes of its own inputs from the log, in standard uncertainties.",
+            f"Stage by stage: {word} minus what each stage makes of its own inputs from the log, "
+            f"in standard uncertainties.",
             "Matrix of numbers by stage and phase (rows) and load (columns).",
         ),
         folded=True,
@@ -272,7 +331,9 @@ def _places(places: Sequence[Place]) -> Table[Place] | None:
 
 
 def _misfit(of: str) -> Column[tuple[str, Shrunk]]:
-    """Column of a root mean square of a channel, in the unit in which the channel is shown, two digits."""
+    """Column of a root mean square of a channel, in the unit in which the channel is shown, two
+    digits.
+    """
 
     def cell(row: tuple[str, Shrunk]) -> Cell:
         size = getattr(row[1], of) * CHANNELS[row[0]].factor
@@ -286,7 +347,8 @@ def _how_far(found: ModelDiagnosis, blocks: pd.DataFrame, word: str) -> Section:
     return section(
         "how-far", "How far the gap closes",
         table(
-            "closure", f"Misfit of means over blocks {words.judged_words(found)}: root mean squares.",
+            "closure", f"Misfit of means over blocks {words.judged_words(found)}: root mean "
+                       f"squares.",
             [
                 Column("channel", lambda row: NAMES[row[0]]),
                 *map(_misfit, ("before", "after", "noise")),
@@ -313,7 +375,8 @@ def _cycle(found: ModelDiagnosis, blocks: pd.DataFrame, word: str) -> Picture | 
     run, history = found.data.logs[item.log].run, figures.cycle_history(found, item, word)
     return picture(
         history_figure(history), "histories",
-        f"Cycle {item.cycle} of {run.name} ({load_words(run.load, 'ohm')}), which has the largest gap, over the time since its "
+        f"Cycle {item.cycle} of {run.name} ({load_words(run.load, 'ohm')}), which has the largest "
+        f"gap, over the time since its "
         f"onset; the zeros of the sensors are taken off the {word}. Shaded: payout.",
         "Line plots of every channel over time; the values are in the log.",
         history_json(history),
@@ -325,7 +388,8 @@ def _speed(found: ModelDiagnosis, blocks: pd.DataFrame, word: str) -> Section:
         "speed", "Current, torque and power over speed",
         picture(
             figures.over_speed_figure(found, blocks, word), "speed",
-            "Payouts at a light, a middle and a heavy load (the paper's Figs 18a, 18c, 18d); means in bins of 250 rpm.",
+            "Payouts at a light, a middle and a heavy load (the paper's Figs 18a, 18c, 18d); "
+            "means in bins of 250 rpm.",
             "Lines of the logs and marks of the simulations over generator speed.",
         ),
         folded=True,
@@ -345,7 +409,10 @@ RANGE_COLUMNS: list[Column[tuple[str, Parameter]]] = [
 
 def _considered(found: ModelDiagnosis) -> Section:
     files = files_of(found)
-    pulls = sorted(zip(found.data.nuisances, found.found.best.nu.tolist(), strict=True), key=lambda pair: -abs(pair[1]))
+    pulls = sorted(
+        zip(found.data.nuisances, found.found.best.nu.tolist(), strict=True),
+        key=lambda pair: -abs(pair[1]),
+    )
     moved: list[tuple[Nuisance, float]] = [pair for pair in pulls if abs(pair[1]) > 1.0]
     return section(
         "considered", "What else was considered",
@@ -354,7 +421,8 @@ def _considered(found: ModelDiagnosis) -> Section:
         minor_table(found),
         table(
             "singles",
-            "Best single effects: evidence relative to the best set, and share of the gap closed on held-out logs.",
+            "Best single effects: evidence relative to the best set, and share of the gap closed "
+            "on held-out logs.",
             [
                 Column[SingleEffect]("effect", lambda one: one.effect),
                 Column("evidence", lambda one: one.evidence, "nats", 1, signed=True),
@@ -365,14 +433,16 @@ def _considered(found: ModelDiagnosis) -> Section:
         ),
         table(
             "ranges",
-            "Plausible ranges of effects with a size of their own: in units, and as a share of a scale of the campaign.",
+            "Plausible ranges of effects with a size of their own: in units, and as a share of a "
+            "scale of the campaign.",
             RANGE_COLUMNS,
             [(name, field) for name, effect in found.suspects.items() for field in effect.fields if field.share],
             brief=False,
         ),
         table(
             "thresholds",
-            "From which size each effect alone would have been named in nine of ten such campaigns; -: no plausible size.",
+            "From which size each effect alone would have been named in nine of ten such "
+            "campaigns; -: no plausible size.",
             [
                 Column[Threshold]("effect", lambda one: one.effect),
                 Column("stage", lambda one: found.suspects[one.effect].stage),
@@ -398,7 +468,11 @@ def _considered(found: ModelDiagnosis) -> Section:
 
 def _named_from(one: Threshold, how: Display) -> Cell:
     """Number from which an effect would have been named, as exact as two digits of its change."""
-    return None if one.value is None else Measured(one.value * how.factor, abs(one.value - one.absent) * how.factor)
+    return (
+        None
+        if one.value is None
+        else Measured(one.value * how.factor, abs(one.value - one.absent) * how.factor)
+    )
 
 
 def _display(found: ModelDiagnosis, one: Threshold) -> Display:
@@ -408,7 +482,13 @@ def _display(found: ModelDiagnosis, one: Threshold) -> Display:
 
 def _provenance(found: ModelDiagnosis, command: str) -> Section:
     rows: list[tuple[str, Cell]] = [
-        *((run.name, f"{load_words(run.load, 'ohm')}, {run.sha256 or 'no file'}") for run in found.runs),
-        ("Fits", f"{len(found.sets)} sets of effects; {len(found.data.nuisances)} nuisances beside each"),
+        *(
+            (run.name, f"{load_words(run.load, 'ohm')}, {run.sha256 or 'no file'}")
+            for run in found.runs
+        ),
+        (
+            "Fits",
+            f"{len(found.sets)} sets of effects; {len(found.data.nuisances)} nuisances beside each",
+        ),
     ]
     return made_from(found, rows, command)

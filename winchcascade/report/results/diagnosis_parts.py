@@ -1,4 +1,6 @@
-"""Parts of the report of a diagnosis that one with a model and one without have in common: causes, residual, numbers."""
+"""Parts of the report of a diagnosis that one with a model and one without have in common:
+causes, residual, numbers.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,14 @@ from typing import Any, NamedTuple
 
 from winchcascade.core.store import fingerprint
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import Alarm, DiagnosisResult, ModelForm, NamedCause, Place, Reported
+from winchcascade.diagnosis.diagnosis_result import (
+    Alarm,
+    DiagnosisResult,
+    ModelForm,
+    NamedCause,
+    Place,
+    Reported,
+)
 from winchcascade.diagnosis.explain.figure_data import cost_of, mean_costs
 from winchcascade.report.content import (
     Cell,
@@ -50,9 +59,11 @@ def note_of(text: str, about: str = "") -> Note | None:
     return Note(text, about) if text else None
 
 
-# ------------------------------------------------------------------------------------------------------------ the causes
+# ------------------------------------------------------------------------------------- the causes
 class CauseRow(NamedTuple):
-    """One number of a cause and how it is shown; what concerns the cause itself stands in its `first` row alone."""
+    """One number of a cause and how it is shown; what concerns the cause itself stands in its
+    `first` row alone.
+    """
 
     cause: NamedCause
     how: Display
@@ -70,9 +81,12 @@ def _rows(found: DiagnosisResult, several: Sequence[NamedCause]) -> list[CauseRo
 
 
 def candidates_table(found: DiagnosisResult) -> Table[CauseRow] | None:
-    """A line for each candidate: number, interval, closure without it, and look-alikes; it has no cost and no action."""
+    """A line for each candidate: number, interval, closure without it, and look-alikes; it has
+    no cost and no action.
+    """
     return table(
-        "candidates", "Candidates: the fit uses them, but each may imitate something that the catalogue lacks.",
+        "candidates", "Candidates: the fit uses them, but each may imitate something that the "
+                      "catalogue lacks.",
         [
             Column("effect", lambda row: row.cause.effect if row.first else ""),
             *number_columns(),
@@ -80,12 +94,15 @@ def candidates_table(found: DiagnosisResult) -> Table[CauseRow] | None:
             Column("look-alikes", _alike),
         ],
         _rows(found, found.candidates),
-        note="Candidates are neither entered nor priced. Without: share of the gap that is closed without the candidate.",
+        note="Candidates are neither entered nor priced. Without: share of the gap that is closed "
+             "without the candidate.",
     )  # fmt: skip
 
 
 def _closed_without(row: CauseRow) -> str:
-    return share_words(row.cause.ablation) if row.first and math.isfinite(row.cause.ablation) else ""
+    return (
+        share_words(row.cause.ablation) if row.first and math.isfinite(row.cause.ablation) else ""
+    )
 
 
 def _alike(row: CauseRow) -> str:
@@ -93,13 +110,18 @@ def _alike(row: CauseRow) -> str:
 
 
 def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
-    """A line for each cause: number, interval, probability, cost, closure without it, look-alikes, and what to do."""
+    """A line for each cause: number, interval, probability, cost, closure without it,
+    look-alikes, and what to do.
+    """
     costs, model = mean_costs(found), isinstance(found, ModelDiagnosis)
     place = "" if costs is None else f"Cost: change of {costs.metric}, mean over the loads. "
     without = "Without: share of the gap that is closed without the cause. " if model else ""
-    free = "Sensors and entries cost no energy: they change what is read or stated." if model else ""
+    free = (
+        "Sensors and entries cost no energy: they change what is read or stated." if model else ""
+    )
     return table(
-        "causes", "Effects that are needed; 95 % intervals include the uncertainty of the rig file.",
+        "causes", "Effects that are needed; 95 % intervals include the uncertainty of the rig "
+                  "file.",
         [
             Column("effect", lambda row: row.cause.effect if row.first else ""),
             Column("what changes", lambda row: row.how.what, brief=False),
@@ -117,7 +139,8 @@ def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
 
 
 def bias_cell(place: Place | ModelForm, factor: float, *, signed: bool = False) -> Measured:
-    """Mean difference at a place, with the digits that its standard uncertainty, its size over z, allows.
+    """Mean difference at a place, with the digits that its standard uncertainty, its size over z,
+    allows.
 
     Parameters
     ----------
@@ -137,10 +160,16 @@ class EffectNumber(NamedTuple):
 
 
 def number_columns() -> list[Column[Any]]:
-    """Number and interval of an effect in the unit in which it is shown, with the digits that the interval allows."""
+    """Number and interval of an effect in the unit in which it is shown, with the digits that
+    the interval allows.
+    """
 
     def u(row: CauseRow | EffectNumber) -> float | None:
-        return (row.value.high - row.value.low) / INTERVAL_WIDTH * row.how.factor if row.value.determined else None
+        return (
+            (row.value.high - row.value.low) / INTERVAL_WIDTH * row.how.factor
+            if row.value.determined
+            else None
+        )
 
     def number(row: CauseRow | EffectNumber) -> Cell:
         return Measured(row.value.value * row.how.factor, u(row), signed=row.how.signed)
@@ -157,7 +186,7 @@ def number_columns() -> list[Column[Any]]:
     ]
 
 
-# ------------------------------------------------------------------------------------------------------ the first screen
+# ------------------------------------------------------------------------------- the first screen
 def verdict_tile(found: DiagnosisResult) -> Tile:
     """The verdict and how many causes are named."""
     count = len(found.causes)
@@ -170,7 +199,10 @@ def verdict_tile(found: DiagnosisResult) -> Tile:
 def step_tile(found: DiagnosisResult) -> list[Tile]:
     """What to do about the first cause; none without one."""
     for cause in found.causes[:1]:
-        action, alike = words.action_of(found, cause), ", ".join(one.effect for one in cause.look_alikes)
+        action, alike = (
+            words.action_of(found, cause),
+            ", ".join(one.effect for one in cause.look_alikes),
+        )
         beside = f"look-alike: {alike}" if alike else action.stated
         return [Tile("Next step", cause.effect, upper(action.what.replace("`", "")), beside)]
     return []
@@ -190,7 +222,7 @@ def first_points(found: DiagnosisResult) -> list[Note | None]:
     ]
 
 
-# ---------------------------------------------------------------------------------------------------------- the evidence
+# ----------------------------------------------------------------------------------- the evidence
 def residual(found: DiagnosisResult) -> Section:
     """Every sign of something that the causes leave, and what its kind means."""
     files, alarms = files_of(found), () if found.remainder is None else found.remainder.alarms
@@ -235,21 +267,29 @@ def numbers(found: DiagnosisResult) -> Section:
 
 
 def minor_table(found: DiagnosisResult) -> Table[EffectNumber] | None:
-    """Effects that are significant but too small to matter, and undecided ones, with number and what each changes most."""
+    """Effects that are significant but too small to matter, and undecided ones, with number and
+    what each changes most.
+    """
     rows = []
     for one in found.minor:
         (name, value), largest = next(iter(one.parameters.items())), one.largest
-        changed = largest.name if largest.phase is None else f"{NAMES[largest.name]}, {phase_words(largest.phase)}"
+        changed = (
+            largest.name
+            if largest.phase is None
+            else f"{NAMES[largest.name]}, {phase_words(largest.phase)}"
+        )
         kind = "too small to matter" if math.isnan(one.hint) else "undecided"
-        role = f"{kind}: changes {changed} by {number_text(100.0 * largest.change, 2, signed=True)} %"
+        role = (
+            f"{kind}: changes {changed} by {number_text(100.0 * largest.change, 2, signed=True)} %"
+        )
         rows.append(EffectNumber(one.effect, display_of(one.effect, name, value.unit), value, role))
-    caption = (
-        "Effects that are significant but too small to matter, and undecided ones: too little evidence for a cause."
-    )
+    caption = "Effects that are significant but too small to matter, and undecided ones: too little evidence for a cause."
     return effects_table("minor", caption, rows)
 
 
-def effects_table(name: str, caption: str, rows: Sequence[EffectNumber]) -> Table[EffectNumber] | None:
+def effects_table(
+    name: str, caption: str, rows: Sequence[EffectNumber]
+) -> Table[EffectNumber] | None:
     """Numbers of some effects beside those of the causes."""
     columns: list[Column[EffectNumber]] = [
         Column("effect", lambda row: row.effect),

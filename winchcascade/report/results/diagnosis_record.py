@@ -11,7 +11,12 @@ import msgspec
 from winchcascade.core.campaign_file import joint_origin, origin_record
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import Alternative, DiagnosisResult, LargestChange, NamedCause
+from winchcascade.diagnosis.diagnosis_result import (
+    Alternative,
+    DiagnosisResult,
+    LargestChange,
+    NamedCause,
+)
 from winchcascade.diagnosis.explain.validation import Validated
 from winchcascade.diagnosis.fit.entries import effect_name
 from winchcascade.diagnosis.fit.nuisances import calibrated_numbers
@@ -29,14 +34,27 @@ DIGITS, SUMMED, ALL = 6, 12, 17
 
 _LOADS = ("load", "load_ohm")
 _PART = ("cycles", "withheld", "samples")
-_PLACE = ("channel", "phase", "load", "blocks", "bias", "rms", "noise", "u_noise", "u_repeat", "u_tolerance", "z")
+_PLACE = (
+    "channel",
+    "phase",
+    "load",
+    "blocks",
+    "bias",
+    "rms",
+    "noise",
+    "u_noise",
+    "u_repeat",
+    "u_tolerance",
+    "z",
+)
 _ENERGY = ("measured", "before", "after", "u")
 _SILENT = {False: "the run hardly depends on this cause", True: "withheld"}
 """Why a run gives no number, by whether it is withheld."""
 
 
 def plain(x: object, digits: int = DIGITS) -> Any:
-    """A value as JSON has it: structs as objects, numbers to some significant digits, null for what is not finite.
+    """A value as JSON has it: structs as objects, numbers to some significant digits, null for what
+    is not finite.
 
     A load is given as `load_ohm`, with all its digits, `inf` for an open circuit.
 
@@ -70,7 +88,9 @@ def _some(of: object, *names: str, end: str = "") -> dict[str, Any]:
 
 
 def as_json(found: DiagnosisResult) -> dict[str, Any]:
-    """What a diagnosis found, by the interface's names; SI units, loads in ohm, `inf` for an open circuit."""
+    """What a diagnosis found, by the interface's names; SI units, loads in ohm, `inf` for an
+    open circuit.
+    """
     own = found.own_simulation if isinstance(found, ModelDiagnosis) else None
     named = {one.effect for one in found.causes}
     record: dict[str, Any] = {
@@ -82,7 +102,9 @@ def as_json(found: DiagnosisResult) -> dict[str, Any]:
         "seed": found.seed,
         "suspects": list(dict.fromkeys(effect.name for effect in found.suspects.values())),
         "logs": _logs(found),
-        "simulations": [{"file": run.name, "findings": _findings(run)} for run in (own.runs if own else ())],
+        "simulations": [
+            {"file": run.name, "findings": _findings(run)} for run in (own.runs if own else ())
+        ],
         "verdict": found.verdict,
         "baseline": "own_simulation" if own else "rig",
         "model_form": own.forms if own else [],
@@ -91,11 +113,19 @@ def as_json(found: DiagnosisResult) -> dict[str, Any]:
         "causes": [_cause(cause, found) for cause in found.causes],
         "candidates": [_cause(cause, found) for cause in found.candidates],
         "minor": [
-            {**_some(one, "effect", "stage", "parameters"), "largest": _largest(one.largest), "hint": one.hint}
+            {
+                **_some(one, "effect", "stage", "parameters"),
+                "largest": _largest(one.largest),
+                "hint": one.hint,
+            }
             for one in found.minor
         ],
         "fitted": [
-            {"effect": found.suspects[cause.effect].name, "stage": cause.stage, "named": cause.effect in named}
+            {
+                "effect": found.suspects[cause.effect].name,
+                "stage": cause.stage,
+                "named": cause.effect in named,
+            }
             | {"parameters": cause.parameters}
             for cause in found.fitted
         ],
@@ -111,13 +141,24 @@ def as_json(found: DiagnosisResult) -> dict[str, Any]:
     return {name: plain(value, digits.get(name, DIGITS)) for name, value in record.items()}
 
 
-# ---------------------------------------------------------------------------------------------------------- what was given
+# --------------------------------------------------------------------------------- what was given
 def _logs(found: DiagnosisResult) -> list[dict[str, Any]]:
-    """Every log with what is stated and was found of it; without a model every part of a log, which has no load."""
+    """Every log with what is stated and was found of it; without a model every part of a log,
+    which has no load.
+    """
     parts = found.data.parts if isinstance(found, StageDiagnosis) else None
-    heads = [({}, run) for run in found.runs] if parts is None else [(_some(part, *_PART), part.run) for part in parts]
+    heads = (
+        [({}, run) for run in found.runs]
+        if parts is None
+        else [(_some(part, *_PART), part.run) for part in parts]
+    )
     return [
-        {"file": run.name, **head, "sha256": run.sha256, "load": run.load if parts is None else None}
+        {
+            "file": run.name,
+            **head,
+            "sha256": run.sha256,
+            "load": run.load if parts is None else None,
+        }
         | {"data": origin_record(run.origin), "findings": _findings(run)}
         for head, run in heads
     ]
@@ -128,7 +169,9 @@ def _findings(run: Run) -> list[dict[str, Any]]:
 
 
 def _calibrated(found: DiagnosisResult) -> list[dict[str, Any]]:
-    """Calibrated numbers, and what a diagnosis starts from in their place, null where the rig file had no number before."""
+    """Calibrated numbers, and what a diagnosis starts from in their place, null where the rig
+    file had no number before.
+    """
     numbers = calibrated_numbers(found.rig) if isinstance(found, ModelDiagnosis) else {}
     return [
         {"number": ".".join(place), "log": record.log, "value": number.value}
@@ -138,7 +181,7 @@ def _calibrated(found: DiagnosisResult) -> list[dict[str, Any]]:
     ]
 
 
-# --------------------------------------------------------------------------------------------------- the gap and its causes
+# ------------------------------------------------------------------------- the gap and its causes
 def _where(found: DiagnosisResult) -> dict[str, Any] | None:
     where = found.where
     if where is None:
@@ -149,28 +192,44 @@ def _where(found: DiagnosisResult) -> dict[str, Any] | None:
     record |= {"sentence": sentences.place_sentence(found), "map": map_record(found)}
     if isinstance(found, ModelDiagnosis):
         record["stages"] = [
-            {**_some(one, "stage", "inputs", *_PLACE), "file": found.runs[one.log].name} for one in found.stages
+            {**_some(one, "stage", "inputs", *_PLACE), "file": found.runs[one.log].name}
+            for one in found.stages
         ]
     return record
 
 
 def map_record(found: DiagnosisResult) -> list[dict[str, Any]]:
-    """Every place of the map of the gap, also where there is no gap; without a model with its share of the squared gap."""
+    """Every place of the map of the gap, also where there is no gap; without a model with its
+    share of the squared gap.
+    """
     if isinstance(found, ModelDiagnosis):
-        return [plain({**_some(one, *_PLACE), "file": found.runs[one.log].name}) for one in found.places]
+        return [
+            plain({**_some(one, *_PLACE), "file": found.runs[one.log].name}) for one in found.places
+        ]
     names = [name for name in _PLACE if name != "u_tolerance"]
     return [plain({**_some(one, *names), "share_of_squares": one.share}) for one in found.places]
 
 
 def _cause(cause: NamedCause, found: DiagnosisResult) -> dict[str, Any]:
-    """A cause; of a wrong entry with the sentence on what is stated and what fits, of a wrong load with its run and load."""
+    """A cause; of a wrong entry with the sentence on what is stated and what fits, of a wrong
+    load with its run and load.
+    """
     effect = found.suspects[cause.effect]
     record: dict[str, Any] = {"effect": effect.name}
     if effect.entry is not None:
-        record |= {"run": effect.entry.source, "load": effect.entry.value} if effect.entry.log >= 0 else {}
-        record["sentence"] = sentences.entry_sentence(cause, effect, explained=found.verdict == "explained")
+        record |= (
+            {"run": effect.entry.source, "load": effect.entry.value}
+            if effect.entry.log >= 0
+            else {}
+        )
+        record["sentence"] = sentences.entry_sentence(
+            cause, effect, explained=found.verdict == "explained"
+        )
     record |= {"label": effect.label, **_some(cause, "stage", "probability", "parameters")}
-    record |= {name: [_alternative(found, one) for one in getattr(cause, name)] for name in ("rivals", "look_alikes")}
+    record |= {
+        name: [_alternative(found, one) for one in getattr(cause, name)]
+        for name in ("rivals", "look_alikes")
+    }
     own = found.judgement.classes.get(cause.effect)
     record["class"] = None if own is None else msgspec.structs.asdict(own)
     record["ablation"] = cause.ablation
@@ -182,31 +241,49 @@ def _cause(cause: NamedCause, found: DiagnosisResult) -> dict[str, Any]:
             for one in cause.stability.runs
         ]
         record["trends"] = [
-            {**msgspec.structs.asdict(trend), "sentence": sentences.trend_sentence(found, cause, trend)}
+            {
+                **msgspec.structs.asdict(trend),
+                "sentence": sentences.trend_sentence(found, cause, trend),
+            }
             for trend in cause.stability.trends
         ]
-    return record | ({"closes_alone_of_the_gap": cause.weight} if isinstance(found, StageDiagnosis) else {})
+    return record | (
+        {"closes_alone_of_the_gap": cause.weight} if isinstance(found, StageDiagnosis) else {}
+    )
 
 
 def _alternative(found: DiagnosisResult, one: Alternative) -> dict[str, Any]:
     name = found.suspects[one.effect].name
-    return {"effect": name, "probability": one.probability, "told_apart_by": sentences.differs_text(one.differs)}
+    return {
+        "effect": name,
+        "probability": one.probability,
+        "told_apart_by": sentences.differs_text(one.differs),
+    }
 
 
 def _largest(largest: LargestChange) -> dict[str, Any]:
     """What a minor effect changes most: a metric, or a channel in a phase."""
-    what = {"metric": largest.name} if largest.phase is None else {"channel": largest.name, "phase": largest.phase}
+    what = (
+        {"metric": largest.name}
+        if largest.phase is None
+        else {"channel": largest.name, "phase": largest.phase}
+    )
     return {**what, **_some(largest, "load", "change")}
 
 
-# ------------------------------------------------------------------------------------------------- with and without a model
+# ----------------------------------------------------------------------- with and without a model
 def _model_record(found: ModelDiagnosis) -> dict[str, Any]:
     """Of a rig with a model, the energies, and what the logs cannot show."""
     suspects = found.suspects
     return {
         "contributions": _contributions(found),
         "energies": [
-            {"run": run.name, "load": run.load, **_some(one, "phase", "stage"), **_some(one, *_ENERGY, end="_j")}
+            {
+                "run": run.name,
+                "load": run.load,
+                **_some(one, "phase", "stage"),
+                **_some(one, *_ENERGY, end="_j"),
+            }
             for one in found.energies
             for run in [found.runs[one.run]]
         ],
@@ -215,7 +292,11 @@ def _model_record(found: ModelDiagnosis) -> dict[str, Any]:
             "effects": list(dict.fromkeys(suspects[name].name for name in found.not_visible)),
         },
         "singles": [
-            {"effect": suspects[one.effect].name, "evidence": one.evidence, "share_closed": one.closure}
+            {
+                "effect": suspects[one.effect].name,
+                "evidence": one.evidence,
+                "share_closed": one.closure,
+            }
             for one in found.singles
         ],
         "undetermined": [
@@ -231,7 +312,9 @@ def _model_record(found: ModelDiagnosis) -> dict[str, Any]:
             | {"named_from": one.value, "unit": one.unit}
             for one in found.thresholds
         ],
-        "validation": [{"run": found.runs[one.log].name} | _validated(one) for one in found.validation],
+        "validation": [
+            {"run": found.runs[one.log].name} | _validated(one) for one in found.validation
+        ],
         "posterior": None
         if (tested := tested_by(found)) is None
         else posterior_record(posterior_of_rig(found), tested),
@@ -248,11 +331,19 @@ def _validated(one: Validated) -> dict[str, Any]:
 def _contributions(found: ModelDiagnosis) -> list[dict[str, Any]]:
     """The split of every metric of every run."""
     return [
-        {"run": found.runs[one.log].name, "load": one.load, "plateau_speed_mps": plain(one.plateau_speed)}
+        {
+            "run": found.runs[one.log].name,
+            "load": one.load,
+            "plateau_speed_mps": plain(one.plateau_speed),
+        }
         | {"metric": FIELDS.get(one.metric, one.metric), **_some(one, "as_given", "measured")}
         | {
             "parts": [
-                {"effect": part.effect and effect_name(part.effect), "kind": part.kind, "value": part.value}
+                {
+                    "effect": part.effect and effect_name(part.effect),
+                    "kind": part.kind,
+                    "value": part.value,
+                }
                 | plain(_some(part, "low", "high"))
                 for part in one.parts
             ]
@@ -265,7 +356,11 @@ def _line_record(found: StageDiagnosis) -> dict[str, Any]:
     """Of a winch without a model, the energies of the judged cycles, and every set of suspects."""
     return {
         "energies": [
-            {"run": found.runs[one.run].name, **_some(one, "cycle", "phase", "stage"), **_some(one, *_ENERGY, end="_j")}
+            {
+                "run": found.runs[one.run].name,
+                **_some(one, "cycle", "phase", "stage"),
+                **_some(one, *_ENERGY, end="_j"),
+            }
             for one in found.energies
         ],
         "sets": [
@@ -279,7 +374,7 @@ def _line_record(found: StageDiagnosis) -> dict[str, Any]:
     }
 
 
-# -------------------------------------------------------------------------------------- closure, residual and the next run
+# ------------------------------------------------------------- closure, residual and the next run
 def _closure(found: DiagnosisResult) -> dict[str, Any] | None:
     closure = found.closure
     if closure is None:
@@ -289,13 +384,18 @@ def _closure(found: DiagnosisResult) -> dict[str, Any] | None:
     if isinstance(found, ModelDiagnosis) and found.closure is not None:
         withheld += [_load(found.runs[k].load) for k in found.closure.withheld]
     elif isinstance(found, StageDiagnosis) and found.closure is not None:
-        withheld += [{"file": part.run.name, **_some(part, *_PART)} for part in found.data.parts if part.withheld]
+        withheld += [
+            {"file": part.run.name, **_some(part, *_PART)}
+            for part in found.data.parts
+            if part.withheld
+        ]
         beyond = {"share_closed_beyond_noise": found.closure.beyond_noise}
     return {
         "kind": sentences.closure_kind(found),
         "withheld": withheld,
         "channels": {
-            name: {**msgspec.structs.asdict(one), "worse": one.worse} for name, one in closure.channels.items()
+            name: {**msgspec.structs.asdict(one), "worse": one.worse}
+            for name, one in closure.channels.items()
         },
         "share_closed": closure.share,
         **beyond,
@@ -311,7 +411,12 @@ def _remainder(found: DiagnosisResult) -> dict[str, Any] | None:
         "share": plain(left.share),
         "where": None if left.worst is None else about_words(left.worst, files, {}),
         "alarms": [
-            {"kind": one.kind, "where": about_words(one.about, files, {}), "size": one.size, "limit": one.limit}
+            {
+                "kind": one.kind,
+                "where": about_words(one.about, files, {}),
+                "size": one.size,
+                "limit": one.limit,
+            }
             for one in left.alarms
         ],
     }

@@ -1,4 +1,6 @@
-"""Sentences of a diagnosis that its JSON has: where the gap lies, wrong entries, trends, planned runs; as plain texts."""
+"""Sentences of a diagnosis that its JSON has: where the gap lies, wrong entries, trends, planned
+runs; as plain texts.
+"""
 
 from __future__ import annotations
 
@@ -39,16 +41,24 @@ from winchcascade.rig.effects.effect import Effect, Stated
 
 
 def closure_kind(found: DiagnosisResult) -> str:
-    """Whether the data on which the causes are judged took part in their choice: `held_out` if not."""
+    """Whether the data on which the causes are judged took part in their choice: `held_out` if
+    not.
+    """
     if isinstance(found, StageDiagnosis):
         return "held_out" if any(part.withheld for part in found.data.parts) else "leave_one_out"
-    return "held_out" if isinstance(found, ModelDiagnosis) and found.data.withheld else "leave_one_load_out"
+    return (
+        "held_out"
+        if isinstance(found, ModelDiagnosis) and found.data.withheld
+        else "leave_one_load_out"
+    )
 
 
 def place_sentence(found: DiagnosisResult) -> str:
-    """Where the gap lies: in which direction, at what currents and speeds, by how much, and in which stage it arises.
+    """Where the gap lies: in which direction, at what currents and speeds, by how much, and in
+    which stage it arises.
 
-    As the JSON has it; empty without a gap. Only where the causes explain the gap, a wrong entry is called its origin.
+    As the JSON has it; empty without a gap. Only where the causes explain the gap, a wrong entry is
+    called its origin.
     """
     where = found.where
     if where is None:
@@ -56,19 +66,30 @@ def place_sentence(found: DiagnosisResult) -> str:
     worst = where.worst
     if isinstance(found, StageDiagnosis):
         into = next(path.into for path in found.data.paths if path.channel == worst.channel)
-        bias, rms = (power_text(abs(x), math.hypot(worst.bias, worst.rms)) for x in (worst.bias, worst.rms))
+        bias, rms = (
+            power_text(abs(x), math.hypot(worst.bias, worst.rms)) for x in (worst.bias, worst.rms)
+        )
         return (
-            f"{where.stage}: in {phase_words(worst.phase)} the {word_of(found)} {channel_words(worst.channel)} lies {bias} "
-            f"{'above' if worst.bias > 0.0 else 'below'} that of {into.where or into.name} on average "
-            f"(z = {worst.z:+.0f}), {rms} rms; that phase holds {100.0 * worst.share:.0f} % of the squared gap."
+            f"{where.stage}: in {phase_words(worst.phase)} the {word_of(found)} "
+            f"{channel_words(worst.channel)} lies {bias} "
+            f"{'above' if worst.bias > 0.0 else 'below'} that of {into.where or into.name} on "
+            f"average "
+            f"(z = {worst.z:+.0f}), {rms} rms; that phase holds {100.0 * worst.share:.0f} % of "
+            f"the squared gap."
         )
     region = ""
     if worst.phase == "payout" and math.isfinite(where.rpm[0]):
         region = f" between {where.rpm[0]:.0f} and {where.rpm[1]:.0f} rpm"
         if where.i_dc[1] > 0.5:
             region += f" and {max(where.i_dc[0], 0.0):.1f} to {where.i_dc[1]:.1f} A DC"
-    entry = "comes from a wrong entry" if found.verdict == "explained" else "is most like that of a wrong entry"
-    place = {"sensor": "lies in a sensor", "entry": entry}.get(where.stage, f"lies in the {where.stage} stage")
+    entry = (
+        "comes from a wrong entry"
+        if found.verdict == "explained"
+        else "is most like that of a wrong entry"
+    )
+    place = {"sensor": "lies in a sensor", "entry": entry}.get(
+        where.stage, f"lies in the {where.stage} stage"
+    )
     gap = "The gap between your simulation and the logs" if has_own_simulation(found) else "The gap"
     lies = f"{gap} {place}: {_deviates(worst, where.size, region)}by up to {size_text(worst.channel, where.size)}."
     return f"{lies} {arises_sentence(where.arises)}".rstrip()
@@ -82,16 +103,23 @@ def arises_sentence(own: Sequence[Place] | None) -> str:
     if not own:
         return f"{inputs} no stage deviates by more than {STANDS_OUT:g} standard uncertainties."
     *others, last = [place.stage for place in own]
-    stages = f"the {', '.join(others)} and {last} stages deviate, the {own[0].stage} most" if others else ""
+    stages = (
+        f"the {', '.join(others)} and {last} stages deviate, the {own[0].stage} most"
+        if others
+        else ""
+    )
     size = size_text(own[0].channel, own[0].bias)
     which = stages or f"only the {last} stage deviates"
     return f"{inputs} {which}: {_deviates(own[0], own[0].bias)}by {size} in the mean."
 
 
 def _deviates(worst: Place, bias: float, region: str = "") -> str:
-    """In which direction a channel deviates, by the sign of measured minus simulated, and at which load it does so most."""
+    """In which direction a channel deviates, by the sign of measured minus simulated, and at
+    which load it does so most.
+    """
     return (
-        f"{NAMES[worst.channel]} is {'over' if bias < 0.0 else 'under'}-predicted during {phase_words(worst.phase)}{region}, "
+        f"{NAMES[worst.channel]} is {'over' if bias < 0.0 else 'under'}-predicted during "
+        f"{phase_words(worst.phase)}{region}, "
         f"most clearly{at_words(worst.load)}, "
     )
 
@@ -107,7 +135,9 @@ def size_text(channel: str, size: float) -> str:
 
 
 def stated_text(effect: Effect) -> str:
-    """The stated number of a wrong entry in the unit of the rig file, or of a load; empty for the scale of the motion."""
+    """The stated number of a wrong entry in the unit of the rig file, or of a load; empty for
+    the scale of the motion.
+    """
     stated = effect.entry or Stated()
     if stated.log >= 0:
         return f"{stated.value:#.3g} ohm"
@@ -117,7 +147,8 @@ def stated_text(effect: Effect) -> str:
 
 
 def entry_sentence(cause: NamedCause, effect: Effect, *, explained: bool = True) -> str:
-    """What is stated and what the logs fit, in the unit of the rig file; loads in ohm. As the JSON has it.
+    """What is stated and what the logs fit, in the unit of the rig file; loads in ohm. As the JSON
+    has it.
 
     Unless the gap is `explained`, the entry is not claimed to be wrong.
 
@@ -128,12 +159,18 @@ def entry_sentence(cause: NamedCause, effect: Effect, *, explained: bool = True)
     >>> entry_sentence(radius, replace(EFFECTS["drum_radius"], entry=Stated(0.13, "m")))
     'The rig file states r_drum = 0.130 m; the logs fit 0.138 m. Check this entry before other causes.'
     """
-    value, text, stated = next(iter(cause.parameters.values())).value, stated_text(effect), effect.entry or Stated()
+    value, text, stated = (
+        next(iter(cause.parameters.values())).value,
+        stated_text(effect),
+        effect.entry or Stated(),
+    )
     advice = "Check this entry before other causes."
     if stated.log >= 0:
         said = f"The campaign states {text} for {stated.source}; the log fits {value:#.3g} ohm."
     elif not effect.number:
-        said = f"The logged line motion is {value:#.4g} times the motion that the other channels fit."
+        said = (
+            f"The logged line motion is {value:#.4g} times the motion that the other channels fit."
+        )
         advice = "Check the scale of the logged velocity and displacement before other causes."
     else:
         as_ratio = effect.fields[0].usual_share == 1.0
@@ -142,7 +179,9 @@ def entry_sentence(cause: NamedCause, effect: Effect, *, explained: bool = True)
         unit = "" if stated.unit in ("", "1") else f" {stated.unit}"
         times = f", {ratio:#.3g} times as much" if as_ratio else ""
         fits = f"{stated.value / scale.factor * ratio:#.3g}{unit}{times}"
-        said = f"The rig file states {effect.number.rpartition('.')[2]} = {text}; the logs fit {fits}."
+        said = (
+            f"The rig file states {effect.number.rpartition('.')[2]} = {text}; the logs fit {fits}."
+        )
     if not explained:
         advice = "The residual exceeds noise: the entry may only imitate an effect that the catalogue lacks."
     return f"{said} {advice}"
@@ -159,7 +198,9 @@ def trend_sentence(found: DiagnosisResult, cause: NamedCause, trend: Trend) -> s
     if trend.along == "scatter":
         change = float(f"{trend.change * how.factor:.2g}")
         size = f"{change:g} {how.unit}".rstrip()
-        return f"{name} differs from {item} to {item} by up to {size}, more than its intervals allow."
+        return (
+            f"{name} differs from {item} to {item} by up to {size}, more than its intervals allow."
+        )
     half = COVERED * trend.u
     reported = Reported(trend.change, trend.change - half, trend.change + half, "")
     value, interval = number_words(how, reported)

@@ -1,4 +1,6 @@
-"""Sentences of a diagnosis, each stated once: verdict, place, certainty, what to do, the next run, the residual."""
+"""Sentences of a diagnosis, each stated once: verdict, place, certainty, what to do, the next
+run, the residual.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +54,9 @@ VERDICTS = {
 """Verdicts as headings."""
 
 FAR_ENOUGH = 3.0
-"""Minimum expected difference, in standard deviations, at which an experiment distinguishes two effects."""
+"""Minimum expected difference, in standard deviations, at which an experiment distinguishes two
+effects.
+"""
 
 NONE_CLOSED = 0.005
 """A smaller share of a gap rounds to 0 % and is called none. [1]"""
@@ -61,7 +65,7 @@ MANY_DEVIATIONS = 100.0
 """More standard deviations than this are not counted."""
 
 
-# ----------------------------------------------------------------------------------------------------------- the verdict
+# ------------------------------------------------------------------------------------ the verdict
 def judged_words(found: DiagnosisResult) -> str:
     """On what the gap is closed: on held-out data, or by leaving parts out of the fit in turn."""
     if isinstance(found, StageDiagnosis):
@@ -94,7 +98,9 @@ def interval_words(low: float, high: float) -> str:
 
 
 def verdict_words(found: DiagnosisResult) -> str:
-    """The verdict in one honest sentence: causes, the share of the gap that they close and on what, and the residual."""
+    """The verdict in one honest sentence: causes, the share of the gap that they close and on
+    what, and the residual.
+    """
     closure, count, line = found.closure, len(found.causes), isinstance(found, StageDiagnosis)
     gap = "gap between your simulation and the logs" if has_own_simulation(found) else "gap"
     if shared := _shared_words(found):
@@ -102,13 +108,15 @@ def verdict_words(found: DiagnosisResult) -> str:
     if closure is None:
         if found.verdict != "no_gap":
             return (
-                f"The {gap} is larger than noise and the uncertainties of the rig, but no effect of the catalogue explains it: "
+                f"The {gap} is larger than noise and the uncertainties of the rig, but no effect "
+                f"of the catalogue explains it: "
                 "its cause lies outside the catalogue."
             )
         undecided = [one.effect for one in found.minor if math.isfinite(one.hint)]
         if undecided:
             return (
-                f"No {gap} is significant against noise and the uncertainties of the rig, but {' or '.join(undecided)} is "
+                f"No {gap} is significant against noise and the uncertainties of the rig, but "
+                f"{' or '.join(undecided)} is "
                 "undecided: these logs neither show nor exclude it."
             )
         if found.minor:
@@ -118,13 +126,16 @@ def verdict_words(found: DiagnosisResult) -> str:
     listed = " + ".join(one.effect for one in found.candidates)
     if listed and not count and found.verdict == "partly_explained":
         return (
-            f"No cause is named: a fit of {listed} closes {share} of the {gap} {judged_words(found)}, but something else acts "
+            f"No cause is named: a fit of {listed} closes {share} of the {gap} "
+            f"{judged_words(found)}, but something else acts "
             f"too, which these may only imitate; {_residual_words(found)}."
         )
     if not count:
         share = f"only {share}" if closure.share > NONE_CLOSED else "none"
         tried = (
-            f"the best of {len(found.sets) - 1} sets of effects" if len(found.sets) > 2 else "the only set of effects"
+            f"the best of {len(found.sets) - 1} sets of effects"
+            if len(found.sets) > 2
+            else "the only set of effects"
         )
         return f"No cause is named: {tried} ({' + '.join(found.chosen)}) closes {share} of the {gap} {judged_words(found)}."
     more = len(found.unnamed)
@@ -138,9 +149,15 @@ def verdict_words(found: DiagnosisResult) -> str:
 
 
 def _shared_words(found: DiagnosisResult) -> str:
-    """Effects that logs and own simulation have alike, so that they cause no gap; empty without any."""
+    """Effects that logs and own simulation have alike, so that they cause no gap; empty without
+    any.
+    """
     own = found.own_simulation if isinstance(found, ModelDiagnosis) else None
-    return "" if own is None else " and ".join(f"{found.suspects[name].label} ({name})" for name in own.shared)
+    return (
+        ""
+        if own is None
+        else " and ".join(f"{found.suspects[name].label} ({name})" for name in own.shared)
+    )
 
 
 def _residual_words(found: DiagnosisResult) -> str:
@@ -149,31 +166,42 @@ def _residual_words(found: DiagnosisResult) -> str:
         return "the residual is not significant"
     alarms = () if found.remainder is None else found.remainder.alarms
     phases = dict.fromkeys(
-        alarm.about.phase for alarm in alarms if alarm.kind == "energy" and isinstance(alarm.about, Spot)
+        alarm.about.phase
+        for alarm in alarms
+        if alarm.kind == "energy" and isinstance(alarm.about, Spot)
     )
     if phases:
         return f"the energies of {' and '.join(phase_words(phase or '') for phase in phases)} are not explained"
     return "but the residual exceeds noise: something else acts too"
 
 
-# ------------------------------------------------------------------------------------------------------------- the place
+# -------------------------------------------------------------------------------------- the place
 def where_words(found: DiagnosisResult) -> str:
-    """The stages of the causes, those that cost most first; without causes the place, or the strongest sign, of the gap."""
+    """The stages of the causes, those that cost most first; without causes the place, or the
+    strongest sign, of the gap.
+    """
     if found.causes:
         names = {"entry": "entry of rig file or campaign"}
-        stages = [names.get(stage, stage) for stage in dict.fromkeys(cause.stage for cause in found.causes)]
+        stages = [
+            names.get(stage, stage)
+            for stage in dict.fromkeys(cause.stage for cause in found.causes)
+        ]
         others = f", then {', '.join(stages[1:])}" if len(stages) > 1 else ""
         return f"{upper(stages[0])}{others}."
     if found.where is None:
         return ""
     alarms = found.remainder.alarms if found.remainder is not None else ()
-    if isinstance(found, StageDiagnosis) or not alarms or any(abs(place.z) > STANDS_OUT for place in found.places):
+    if (
+        isinstance(found, StageDiagnosis)
+        or not alarms
+        or any(abs(place.z) > STANDS_OUT for place in found.places)
+    ):
         return place_sentence(found)
     where = about_words(alarms[0].about, files_of(found))
     return f"No mean over a phase deviates beyond noise and uncertainties; what shows is {alarms[0].kind}, {where}."
 
 
-# ------------------------------------------------------------------------------------------------------------ what to do
+# ------------------------------------------------------------------------------------- what to do
 class Action(NamedTuple):
     """What to do about a cause, and a number that is stated for it."""
 
@@ -186,19 +214,31 @@ class Action(NamedTuple):
 
 
 def action_of(found: DiagnosisResult, cause: NamedCause) -> Action:
-    """What to do about a cause: check an entry, separate it from its look-alikes, recalibrate a sensor, or enter it."""
+    """What to do about a cause: check an entry, separate it from its look-alikes, recalibrate a
+    sensor, or enter it.
+    """
     effect = found.suspects[cause.effect]
     path = effect.path
     section, _, number = path_in_rig(path).partition(".")
     if effect.entry is not None:
         entry = effect.entry
-        scale = f"check the load of {entry.source}" if entry.log >= 0 else "check the scale of the logged motion"
+        scale = (
+            f"check the load of {entry.source}"
+            if entry.log >= 0
+            else "check the scale of the logged motion"
+        )
         name = effect.number.rpartition(".")[2]
         return Action(f"check the entry {name}" if name else scale, stated_text(effect))
     if cause.look_alikes:
         plan = found.experiment
-        planned = plan is not None and cause.effect in plan.separates and plan.expected_z >= FAR_ENOUGH
-        if planned and plan is not None and {one.effect for one in cause.look_alikes} & set(plan.separates):
+        planned = (
+            plan is not None and cause.effect in plan.separates and plan.expected_z >= FAR_ENOUGH
+        )
+        if (
+            planned
+            and plan is not None
+            and {one.effect for one in cause.look_alikes} & set(plan.separates)
+        ):
             return Action("make the next run")
         stated = isinstance(getattr(getattr(found.rig, section, None), number, None), Quantity)
         return Action(f"measure {number} directly" if stated else "measure it directly")
@@ -208,15 +248,23 @@ def action_of(found: DiagnosisResult, cause: NamedCause) -> Action:
         known = SENSORS.get(path.rpartition(".")[2])
         return Action(f"recalibrate {known}" if known else f"check the {effect.display.what}")
     if isinstance(found, StageDiagnosis):
-        return Action("enter it under [laws]" if cause.stage != "transmission" else "correct the line power for it")
+        return Action(
+            "enter it under [laws]"
+            if cause.stage != "transmission"
+            else "correct the line power for it"
+        )
     return Action("enter it with `--write`")
 
 
-# ------------------------------------------------------------------------------------------------ what else a reader needs
+# ----------------------------------------------------------------------- what else a reader needs
 def certainty_words(found: DiagnosisResult) -> str:
-    """Which causes have look-alikes, in the catalogue and beyond it; without causes how probable it is that none acts."""
+    """Which causes have look-alikes, in the catalogue and beyond it; without causes how probable
+    it is that none acts.
+    """
     if found.causes:
-        rivals = {cause.effect: [rival.effect for rival in cause.look_alikes] for cause in found.causes}
+        rivals = {
+            cause.effect: [rival.effect for rival in cause.look_alikes] for cause in found.causes
+        }
         pairs = [f"{cause} from {' or '.join(names)}" for cause, names in rivals.items() if names]
         apart = [f"these logs do not distinguish {', nor '.join(pairs)}"] if pairs else []
         for cause, own in found.judgement.classes.items():
@@ -225,8 +273,14 @@ def certainty_words(found: DiagnosisResult) -> str:
     if found.verdict == "unexplained" or _shared_words(found):
         return ""
     likely = probability_words(found.sets.get((), 0.0))
-    best = max((names for names in found.sets if names), key=lambda names: found.sets[names], default=())
-    other = f"; of {' + '.join(best)}, the most probable set, {probability_words(found.sets[best])}" if best else ""
+    best = max(
+        (names for names in found.sets if names), key=lambda names: found.sets[names], default=()
+    )
+    other = (
+        f"; of {' + '.join(best)}, the most probable set, {probability_words(found.sets[best])}"
+        if best
+        else ""
+    )
     return f"Probability that no effect of the catalogue acts: {likely}{other}."
 
 
@@ -236,9 +290,13 @@ def distinguished_words(found: DiagnosisResult) -> str:
 
 
 def not_needed_words(found: DiagnosisResult) -> str:
-    """Names of the effects that are not needed beside the causes; an entry of several runs is listed once."""
+    """Names of the effects that are not needed beside the causes; an entry of several runs is
+    listed once.
+    """
     chosen = {effect_name(name) for name in found.chosen}
-    others = dict.fromkeys(effect_name(name) for name in found.suspects if effect_name(name) not in chosen)
+    others = dict.fromkeys(
+        effect_name(name) for name in found.suspects if effect_name(name) not in chosen
+    )
     return f"Not needed: {', '.join(others)}." if found.causes else ""
 
 
@@ -247,7 +305,11 @@ def undetermined_words(found: ModelDiagnosis) -> str:
     sentences = []
     for one in found.undetermined:
         leading, others = (
-            " and ".join(path_in_rig(path).split(".")[1] for path in one.powers if (path in one.leading) == leads)
+            " and ".join(
+                path_in_rig(path).split(".")[1]
+                for path in one.powers
+                if (path in one.leading) == leads
+            )
             for leads in (True, False)
         )
         known = f"{'the product of ' if one.product else ''}{leading}"
@@ -270,7 +332,9 @@ def start_words(found: ModelDiagnosis) -> str:
 
 
 def not_visible_words(found: ModelDiagnosis) -> str:
-    """Effects that logs without some channels cannot show at any plausible size; nothing where no channel is missing."""
+    """Effects that logs without some channels cannot show at any plausible size; nothing where
+    no channel is missing.
+    """
     names = dict.fromkeys(effect_name(name) for name in found.not_visible)
     if not found.missing_channels or not names:
         return ""
@@ -278,7 +342,8 @@ def not_visible_words(found: ModelDiagnosis) -> str:
 
 
 def finding_words(found: DiagnosisResult) -> list[str]:
-    """A sentence on each kind of finding of each channel, with its first file; columns that were not read are left out.
+    """A sentence on each kind of finding of each channel, with its first file; columns that were
+    not read are left out.
 
     >>> from types import SimpleNamespace as Of
     >>> log = Of(name="a.csv", findings=[Finding("stuck", "idc holds one value", "", "idc")])
@@ -292,7 +357,9 @@ def finding_words(found: DiagnosisResult) -> list[str]:
         for run in runs.values():
             for finding in run.findings:
                 if finding.kind != "unknown_column":
-                    alike.setdefault((finding.kind, finding.channel), {}).setdefault(run.name, finding)
+                    alike.setdefault((finding.kind, finding.channel), {}).setdefault(
+                        run.name, finding
+                    )
         for (kind, _), files in alike.items():
             file, first = next(iter(files.items()))
             count = f"{len(files)} of {len(runs)} {called}{'s' * (len(runs) > 1)}"
@@ -307,33 +374,48 @@ def simulations_of(found: DiagnosisResult) -> tuple[Run, ...]:
     return () if own is None else own.runs
 
 
-# ------------------------------------------------------------------------------------------------------------ run by run
+# ------------------------------------------------------------------------------------- run by run
 def stability_words(found: DiagnosisResult) -> str:
-    """Whether the runs agree on the number of each cause; nothing where too few give one, or where they differ."""
+    """Whether the runs agree on the number of each cause; nothing where too few give one, or
+    where they differ.
+    """
     item = "cycle" if isinstance(found, StageDiagnosis) else "run"
     steady = [
         cause.effect
         for cause in found.causes
-        if len(runs_with_number(cause)) >= MIN_RUNS and not (cause.stability and cause.stability.trends)
+        if len(runs_with_number(cause)) >= MIN_RUNS
+        and not (cause.stability and cause.stability.trends)
     ]
     which = "every cause" if len(steady) == len(found.causes) else ", ".join(steady)
-    return f"In every {item} the number of {which} is the same within its intervals." if steady else ""
+    return (
+        f"In every {item} the number of {which} is the same within its intervals." if steady else ""
+    )
 
 
 def trend_sentences(found: DiagnosisResult) -> list[str]:
-    """What differs between the runs beyond its intervals, of every cause; none where the runs agree."""
-    each = [(cause, () if cause.stability is None else cause.stability.trends) for cause in found.causes]
+    """What differs between the runs beyond its intervals, of every cause; none where the runs
+    agree.
+    """
+    each = [
+        (cause, () if cause.stability is None else cause.stability.trends) for cause in found.causes
+    ]
     return [trend_sentence(found, cause, trend) for cause, trends in each for trend in trends]
 
 
-# ---------------------------------------------------------------------------------------------------------- the next run
+# ----------------------------------------------------------------------------------- the next run
 def apart_words(z: float) -> str:
     """By how many standard deviations two explanations differ.
 
     >>> apart_words(4.26), apart_words(21.6), apart_words(1420.0)
     ('4.3', '22', 'more than 100')
     """
-    return f"{z:.1f}" if z < 9.95 else f"{z:.0f}" if z < MANY_DEVIATIONS else f"more than {MANY_DEVIATIONS:.0f}"
+    return (
+        f"{z:.1f}"
+        if z < 9.95
+        else f"{z:.0f}"
+        if z < MANY_DEVIATIONS
+        else f"more than {MANY_DEVIATIONS:.0f}"
+    )
 
 
 def experiment_words(found: DiagnosisResult) -> str:
@@ -342,7 +424,11 @@ def experiment_words(found: DiagnosisResult) -> str:
     if plan is None:
         return ""
     (one, other), apart = plan.separates, f"{apart_words(plan.expected_z)} standard deviations"
-    run = profile_words(plan) if plan.load is None else f"{load_words(plan.load, 'ohm')}, {profile_words(plan)}"
+    run = (
+        profile_words(plan)
+        if plan.load is None
+        else f"{load_words(plan.load, 'ohm')}, {profile_words(plan)}"
+    )
     if plan.repeats:
         run = f"after all other runs the load of {plan.repeats} again, {run}"
     listed = (*found.causes, *found.candidates)
@@ -352,22 +438,30 @@ def experiment_words(found: DiagnosisResult) -> str:
             return f"No run distinguishes {one} from {other} by more than {apart} ({run}): measure one of the two directly."
         return f"{upper(run)}. There {one} and {other} differ by {apart}, which distinguishes them."
     pairs = " and ".join(f"{cause} from {name}" for cause, name in alike)
-    none = f"No planned run distinguishes {pairs}" if alike else "No alternative explanation remains"
+    none = (
+        f"No planned run distinguishes {pairs}" if alike else "No alternative explanation remains"
+    )
     if plan.expected_z < FAR_ENOUGH:
         return f"{none}; a further run would separate {one} from {other}, the next suspect, by {apart} at most ({run})."
     return f"{none}. The sharpest further test separates {one} from {other}, the next suspect, by {apart}: {run}."
 
 
-# -------------------------------------------------------------------------------------------------------------- the residual
+# ----------------------------------------------------------------------------------- the residual
 SIGNS = {
-    "structure": "root mean square of block means over their noise: the shape of the model is wrong there",
-    "scatter": "scatter within blocks over what noise explains: something moves faster than a block",
-    "ripple": "scatter of block means about a smooth course over what noise explains: something comes and goes within seconds",
-    "nuisance": "how far the fit moved it, in standard uncertainties: its entry is wrong, or it takes the place of an effect",
-    "drift": "how improbable it is by chance that the number differs so much between runs, as a power of ten",
+    "structure": "root mean square of block means over their noise: the shape of the model is "
+    "wrong there",
+    "scatter": "scatter within blocks over what noise explains: something moves faster than a "
+    "block",
+    "ripple": "scatter of block means about a smooth course over what noise explains: something "
+    "comes and goes within seconds",
+    "nuisance": "how far the fit moved it, in standard uncertainties: its entry is wrong, or it "
+    "takes the place of an effect",
+    "drift": "how improbable it is by chance that the number differs so much between runs, as a "
+    "power of ten",
     "range": "the number lies at an end of its range or beyond what is plausible",
     "improbable": "posterior probability that another cause acts in its place",
-    "cancelling": "the smaller of the two over what both do together: the data need neither of them",
+    "cancelling": "the smaller of the two over what both do together: the data need neither of "
+    "them",
     "worse": "misfit that the causes add to held-out predictions, over the noise",
     "energy": "energy that the fit leaves, in standard uncertainties",
     "residual": "efficiency that the causes leave",
@@ -377,12 +471,14 @@ SIGNS = {
 
 def kind_words(alarms: Sequence[Alarm]) -> dict[str, str]:
     """What the sizes of some alarms are and what they may mean, by their kinds."""
-    shares = {alarm.kind for alarm in alarms if isinstance(alarm.about, Spot) and alarm.about.run is None} & {"energy"}
+    shares = {
+        alarm.kind for alarm in alarms if isinstance(alarm.about, Spot) and alarm.about.run is None
+    } & {"energy"}
     own = dict.fromkeys(shares, "deviation of the predicted energy from the logged one, as a share")
     return {alarm.kind: f"{(SIGNS | own)[alarm.kind]}." for alarm in alarms}
 
 
-# ------------------------------------------------------------------------------------------------------------- in few lines
+# ----------------------------------------------------------------------------------- in few lines
 def diagnosis_note(record: Mapping[str, Any]) -> Note:
     """Verdict and causes of a diagnosis, from its JSON."""
     names = ", ".join(f"{cause['label']} ({cause['effect']})" for cause in record["causes"])

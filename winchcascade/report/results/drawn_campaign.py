@@ -1,4 +1,6 @@
-"""The report of a campaign with its figures and the simulations of its logs, for page, PDF and files."""
+"""The report of a campaign with its figures and the simulations of its logs, for page, PDF and
+files.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ from winchcascade.report.results.model_section import Named, campaign_section
 
 
 @house_style()
-def written_campaign(campaign: CampaignRecord, out: Path, *, results: Path | None = None, command: str = "") -> Report:
+def written_campaign(
+    campaign: CampaignRecord, out: Path, *, results: Path | None = None, command: str = ""
+) -> Report:
     """Report of a campaign from its record, its dataset in a folder, and its results.
 
     Parameters
@@ -35,17 +39,25 @@ def written_campaign(campaign: CampaignRecord, out: Path, *, results: Path | Non
     results : folder by which the record names the results of single logs, if it is another one
     """
     runs, folder = runs_by_load(campaign.reduced), results or out
-    paths = {run.name: folder / run.result for run in campaign.reduced} if campaign.waves is not UNSET else {}
+    paths = (
+        {run.name: folder / run.result for run in campaign.reduced}
+        if campaign.waves is not UNSET
+        else {}
+    )
     waves = _waves(read_results(paths))
     drawn, model = _pictures(runs, _bins(out, runs)), _model(runs, folder)
-    return campaign_report(campaign, drawn=drawn, model=model, waves=waves, linked=True, command=command)
+    return campaign_report(
+        campaign, drawn=drawn, model=model, waves=waves, linked=True, command=command
+    )
 
 
 @house_style()
 def reduced_campaign(result: CampaignReduction, *, command: str = "") -> Report:
     """Report of the reductions of a campaign, without the simulations of its logs."""
     drawn = _pictures(runs_by_load(result.summary.reduced), result.bins)
-    return campaign_report(result.summary, drawn=drawn, waves=_waves(result.records.items()), command=command)
+    return campaign_report(
+        result.summary, drawn=drawn, waves=_waves(result.records.items()), command=command
+    )
 
 
 def _waves(records: Iterable[tuple[str, RunRecord]]) -> CampaignWaves | None:
@@ -85,7 +97,9 @@ def _bins(out: Path, runs: Sequence[LogSummary]) -> figures.Bins:
         for batch in file.iter_batches(columns=columns):
             for row in batch.to_pylist():
                 if (name := row.pop("run")) in names:
-                    found.setdefault(name, []).append({k: value for k, value in row.items() if value is not None})
+                    found.setdefault(name, []).append(
+                        {k: value for k, value in row.items() if value is not None}
+                    )
     return found
 
 

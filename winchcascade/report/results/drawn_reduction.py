@@ -1,4 +1,6 @@
-"""The report of a log with its figures, its simulation and its loss map, for page, PDF and files."""
+"""The report of a log with its figures, its simulation and its loss map, for page, PDF and
+files.
+"""
 
 from __future__ import annotations
 
@@ -39,13 +41,17 @@ def drawn_report(
     ----------
     found : uncertainty of the reduction; made here if not given
     mapped : loss map that the report shows too
-    model : what is kept of the log beside its simulation; simulated here with the numbers of the rig file if not given
+    model : what is kept of the log beside its simulation; simulated here with the numbers of the
+        rig file if not given
     """
     waves, found = waves_of(reduction), found or uncertainty(reduction)
     drawn = _pictures(reduction, found)
     if waves is not None:
         drawn["wave-energies"] = wave_picture(waves, reduction.rig.cascade)
-    more = {"histories": histories(reduction), "model": run_section(reduction.run, model or modelled(reduction))}
+    more = {
+        "histories": histories(reduction),
+        "model": run_section(reduction.run, model or modelled(reduction)),
+    }
     if mapped is not None:
         more["loss-map"] = loss_map_section(mapped, loss_map_pictures(mapped))
     return reduction_report(reduction, found, waves=waves, drawn=drawn, more=more, command=command)
@@ -54,13 +60,22 @@ def drawn_report(
 def _pictures(reduction: Reduction, found: Uncertainty) -> dict[str, Picture | None]:
     """Figures of a reduction by their names."""
     powers, repeats = powers_of(reduction), reduction.rig.phases.repeats
-    means = {m: stated_text(reduction, found, m) for m, mean in reduction.mean.items() if mean is not None}
+    means = {
+        m: stated_text(reduction, found, m)
+        for m, mean in reduction.mean.items()
+        if mean is not None
+    }
     best, worst = (c.cycle for c in reduction.extremes[:2]) if reduction.extremes else (None, None)
-    over_speed = f"; right: of all complete {span_word(reduction)}s, with means in bins" if reduction.bins else ""
+    over_speed = (
+        f"; right: of all complete {span_word(reduction)}s, with means in bins"
+        if reduction.bins
+        else ""
+    )
     made: dict[str, tuple[Figure | None, str, str]] = {
         "flow": (
             figures.window_flow(reduction, means),
-            f"Where the energy goes in the window, {'mean of the' if repeats else 'all'} complete cycles.",
+            f"Where the energy goes in the window, {'mean of the' if repeats else 'all'} complete "
+            f"cycles.",
             "Flow diagram of the energies, which are in the table.",
         ),
         "streams": (
@@ -76,7 +91,8 @@ def _pictures(reduction: Reduction, found: Uncertainty) -> dict[str, Picture | N
         "trend": (
             figures.trend(reduction),
             "Complete cycles one after the other.",
-            "Dots of the efficiencies and energies over the number of the cycle; the values are in the tables.",
+            "Dots of the efficiencies and energies over the number of the cycle; the values are "
+            "in the tables.",
         ),
     }
     return {name: picture(figure, name, *words) for name, (figure, *words) in made.items()}

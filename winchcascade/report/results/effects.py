@@ -1,4 +1,6 @@
-"""What the catalogue states of the effects that the model of a rig may lack: all of them by stage, or one in full."""
+"""What the catalogue states of the effects that the model of a rig may lack: all of them by
+stage, or one in full.
+"""
 
 from __future__ import annotations
 
@@ -26,11 +28,19 @@ def effects_report(name: str | None = None) -> Report:
     """Report of one effect, or of all of them; OptionError where no effect has that name."""
     if name is None:
         stages = dict.fromkeys(effect.stage for effect in EFFECTS.values())
-        by_stage = {stage: [effect for effect in EFFECTS.values() if effect.stage == stage] for stage in stages}
+        by_stage = {
+            stage: [effect for effect in EFFECTS.values() if effect.stage == stage]
+            for stage in stages
+        }
         sections = [
-            section(stage, stage, table(stage, "", EFFECT_COLUMNS, effects)) for stage, effects in by_stage.items()
+            section(stage, stage, table(stage, "", EFFECT_COLUMNS, effects))
+            for stage, effects in by_stage.items()
         ]
-        return Report("Catalogue of effects", f"{len(EFFECTS)} effects that a model may lack", sections=sections)
+        return Report(
+            "Catalogue of effects",
+            f"{len(EFFECTS)} effects that a model may lack",
+            sections=sections,
+        )
     effect = find_effect(name)
     return Report(
         kind="Effect",
@@ -41,5 +51,11 @@ def effects_report(name: str | None = None) -> Report:
             Note(f"{effect.parameter} ({effect.unit})", "Reports"),
             Note(effect.source, "Source"),
         ],
-        sections=[section("fields", "Fields", table("fields", "Fields of the effect.", FIELD_COLUMNS, effect.fields))],
+        sections=[
+            section(
+                "fields",
+                "Fields",
+                table("fields", "Fields of the effect.", FIELD_COLUMNS, effect.fields),
+            )
+        ],
     )

@@ -1,4 +1,6 @@
-"""What a diagnosis knows of its rig, as every result states it that uses the corrected numbers: record, sentence, warning."""
+"""What a diagnosis knows of its rig, as every result states it that uses the corrected numbers:
+record, sentence, warning.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ def judgement_record(judgement: Judgement) -> dict[str, Any]:
 def judgement_note(judgement: Judgement) -> Note:
     """The verdict with causes and candidates."""
     names = {"causes": judgement.causes, "candidates": judgement.candidates}
-    listed = "; ".join(f"{kind}: {', '.join(several)}" for kind, several in names.items() if several)
+    listed = "; ".join(
+        f"{kind}: {', '.join(several)}" for kind, several in names.items() if several
+    )
     known = judgement.verdict in ("explained", "no_gap")
     sentence = f"{_words(judgement)}{listed and f'; {listed}'}."
     return Note(sentence, "Diagnosis", "plain" if known else "warn", brief=not known)

@@ -32,7 +32,11 @@ from winchcascade.report.wording import banner
 LAWS: tuple[Column[MappedLaw], ...] = (
     Column("law", lambda one: one.name),
     Column("number", lambda one: Measured(one.number.value, _half(one)), own_digits=True),
-    Column("95 % interval", lambda one: Span(one.number.low, one.number.high, _half(one)), own_digits=True),
+    Column(
+        "95 % interval",
+        lambda one: Span(one.number.low, one.number.high, _half(one)),
+        own_digits=True,
+    ),
     Column("unit", lambda one: one.number.unit),
     Column("what it is", lambda one: one.label, brief=False),
     Column("or", lambda one: ", ".join(one.alternatives)),
@@ -59,8 +63,10 @@ def loss_map_pictures(found: LossMap) -> list[Picture | None]:
     return [
         picture(
             loss_figure(found, (motion, load)), "loss-heat",
-            f"Power lost from {into} to {out}, its 95 % band, and the operating points; hatched: no data.",
-            "Heat maps of the loss and its band with dots at the operating points; the laws are in the table.",
+            f"Power lost from {into} to {out}, its 95 % band, and the operating points; hatched: "
+            f"no data.",
+            "Heat maps of the loss and its band with dots at the operating points; the laws are "
+            "in the table.",
         ),
     ]  # fmt: skip
 
@@ -80,7 +86,10 @@ def campaign_loss_map_report(
         kind="Loss map of a campaign",
         title=f"{title}: loss map of {len(names)} logs",
         points=[data_note(origins)],
-        sections=[loss_map_section(found, drawn), provenance([("Logs", ", ".join(names))], command)],
+        sections=[
+            loss_map_section(found, drawn),
+            provenance([("Logs", ", ".join(names))], command),
+        ],
         banner=banner(origins),
         links=links,
     )
@@ -109,6 +118,9 @@ def _quality(found: LossMap) -> list[tuple[str, Cell]]:
         ("Points", f"{len(found.points)} of {len(parts)} log{'s' * (len(parts) > 1)}"),
         *ranges,
         ("Energy lost", f"{shown(found.energy)} J"),
-        ("Held-out points, root mean square", f"{shown(found.held_out)} W, {share:.1f} % of the mean loss"),
+        (
+            "Held-out points, root mean square",
+            f"{shown(found.held_out)} W, {share:.1f} % of the mean loss",
+        ),
         *([("Table", "no value: the points lie on one line")] if len(found.hull) < 3 else []),
     ]

@@ -1,4 +1,6 @@
-"""What a plan states: the runs in the order in which they help, what is expected after each, and from random runs."""
+"""What a plan states: the runs in the order in which they help, what is expected after each, and
+from random runs.
+"""
 
 from __future__ import annotations
 
@@ -23,11 +25,18 @@ def plan_record(found: RunPlan) -> dict[str, Any]:
         "title": found.title,
         "rig": found.rig,
         "runs": [
-            {"load_ohm": "inf" if math.isinf(run.load) else run.load, "speed_mps": run.speed, "cycles": run.cycles}
+            {
+                "load_ohm": "inf" if math.isinf(run.load) else run.load,
+                "speed_mps": run.speed,
+                "cycles": run.cycles,
+            }
             | {"place": run.place}
             for run in found.runs
         ],
-        "expected": [{**about, "runs": number, found.measure: value} for number, value in enumerate(found.expected, 1)],
+        "expected": [
+            {**about, "runs": number, found.measure: value}
+            for number, value in enumerate(found.expected, 1)
+        ],
         "without": {found.measure: found.before},
         "wanted": {found.measure: found.wanted},
         "reached": found.reached,
@@ -52,7 +61,8 @@ def plan_report(found: RunPlan, *, command: str = "") -> Report:
                  "plain" if found.reached else "warn"),
             Note(f"{found.before:.3g} without a further run.", "Now"),
             Note(
-                f"As many runs at random give {found.random:.3g}; {100.0 * found.random_share:.0f} % of them reach the aim.",
+                f"As many runs at random give {found.random:.3g}; "
+                f"{100.0 * found.random_share:.0f} % of them reach the aim.",
                 "Random",
             ) if found.runs else None,
             *(Note(f"No run separates {one} from {other}: logs show their combination alone.", "Together", "warn")
@@ -68,7 +78,8 @@ def plan_report(found: RunPlan, *, command: str = "") -> Report:
 def _caption(found: RunPlan) -> str:
     """What a run is, and what its place means."""
     return (
-        f"Each run is one payout of {found.length:.1f} m and its haul-in at {BACK:g} of the speed. Place: first, with "
+        f"Each run is one payout of {found.length:.1f} m and its haul-in at {BACK:g} of the "
+        f"speed. Place: first, with "
         "a cold machine; last, after all other runs; any, light loads before heavy ones."
     )
 

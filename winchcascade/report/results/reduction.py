@@ -1,4 +1,6 @@
-"""What the reduction of a log states: energies and efficiencies of its cycles, phases, uncertainty, findings."""
+"""What the reduction of a log states: energies and efficiencies of its cycles, phases,
+uncertainty, findings.
+"""
 
 from __future__ import annotations
 
@@ -95,7 +97,7 @@ def reduction_report(
     )  # fmt: skip
 
 
-# ---------------------------------------------------------------------------------------------------- the first screen
+# ------------------------------------------------------------------------------- the first screen
 def _subtitle(reduction: Reduction) -> str:
     """Stated and measured load, rig and window of a log."""
     run = reduction.run
@@ -113,12 +115,18 @@ def _subtitle(reduction: Reduction) -> str:
 def _tiles(reduction: Reduction, found: Uncertainty) -> list[Tile]:
     """The efficiencies with their intervals, and energies where there are fewer than three."""
     cascade, repeats = reduction.rig.cascade, reduction.rig.phases.repeats
-    etas = (*cascade.neighbours[:2], cascade.overall) if len(cascade.stages) > 2 else tuple(cascade.ratios)
+    etas = (
+        (*cascade.neighbours[:2], cascade.overall)
+        if len(cascade.stages) > 2
+        else tuple(cascade.ratios)
+    )
     given = [m for m in (*etas, *cascade.energies) if reduction.mean[m] is not None][:3]
     return [
         Tile(
             m,
-            ratio_words(m, cascade.pairs[m]) if m in cascade.ratios else metric(m).label + ", per cycle" * repeats,
+            ratio_words(m, cascade.pairs[m])
+            if m in cascade.ratios
+            else metric(m).label + ", per cycle" * repeats,
             f"{stated_text(reduction, found, m)} {metric(m).unit}".strip(),
             _interval(found, m) if repeats else "all cycles together",
         )
@@ -127,7 +135,9 @@ def _tiles(reduction: Reduction, found: Uncertainty) -> list[Tile]:
 
 
 def stated_text(reduction: Reduction, found: Uncertainty, name: str) -> str:
-    """Mean of a metric over the cycles as it is stated, or where these do not repeat, of all together."""
+    """Mean of a metric over the cycles as it is stated, or where these do not repeat, of all
+    together.
+    """
     of = reduction.mean if reduction.rig.phases.repeats else reduction.total
     return number_text(of[name], metric_decimals(reduction, found, name))
 
@@ -144,7 +154,9 @@ def _interval(found: Uncertainty, name: str) -> str:
 
 
 def _outcome(reduction: Reduction) -> list[Note]:
-    """How many cycles are complete, which are the best and the worst, what is wrong with the log, and what to do next."""
+    """How many cycles are complete, which are the best and the worst, what is wrong with the
+    log, and what to do next.
+    """
     n, of = len(reduction.complete), len(reduction.cycles)
     kinds = Counter(finding.kind.replace("_", " ") for finding in reduction.quality)
     named = ", ".join(kind + (f" ({times})" if times > 1 else "") for kind, times in kinds.items())
@@ -156,26 +168,42 @@ def _outcome(reduction: Reduction) -> list[Note]:
     correct = "Correct what the findings name in the log or in the rig file, and reduce it again."
     compare = "`winchcascade diagnose` on the campaign finds why log and model differ."
     return [
-        Note(f"{n} of {of} complete{extremes}.", "Cycles", "plain" if n == of else "warn", brief=n < of),
-        Note(f"{upper(named)}{lost}.", "Findings", "warn") if kinds else Note("None.", "Findings", "good"),
+        Note(
+            f"{n} of {of} complete{extremes}.",
+            "Cycles",
+            "plain" if n == of else "warn",
+            brief=n < of,
+        ),
+        Note(f"{upper(named)}{lost}.", "Findings", "warn")
+        if kinds
+        else Note("None.", "Findings", "good"),
         Note(correct if kinds else compare, "Next", brief=False),
     ]
 
 
 def _accuracy(found: Uncertainty) -> list[Note]:
-    """Which sensors decide the uncertainties, and what is unknown of these; a note without a text is not shown."""
-    parts = ", ".join(f"{name} {100.0 * share:.0f} % {sensor}" for name, share, sensor in decisive(found.budget))
+    """Which sensors decide the uncertainties, and what is unknown of these; a note without a
+    text is not shown.
+    """
+    parts = ", ".join(
+        f"{name} {100.0 * share:.0f} % {sensor}" for name, share, sensor in decisive(found.budget)
+    )
     unsure = upper("; ".join(not_known(found.budget)))
     return [
         Note(f"Most of it: {parts}." if parts else "", "Variance"),
         Note(calibration(found.budget), "Calibrate"),
-        Note(f"{unsure}." if unsure else "", "Accuracy", "warn" if found.budget.unknown else "plain"),
+        Note(
+            f"{unsure}." if unsure else "", "Accuracy", "warn" if found.budget.unknown else "plain"
+        ),
     ]
 
 
-# -------------------------------------------------------------------------------------------------------- the sections
+# ----------------------------------------------------------------------------------- the sections
 def _result_sections(
-    reduction: Reduction, found: Uncertainty, waves: WaveEnergies | None, drawn: Mapping[str, Picture | None]
+    reduction: Reduction,
+    found: Uncertainty,
+    waves: WaveEnergies | None,
+    drawn: Mapping[str, Picture | None],
 ) -> list[Section]:
     """Findings, waves, and the energies of windows and of whole cycles."""
     findings = reduction.quality
@@ -193,7 +221,9 @@ def _result_sections(
 def _evidence_sections(
     reduction: Reduction, drawn: Mapping[str, Picture | None], more: Mapping[str, Section]
 ) -> list[Section]:
-    """Time histories, loss map, phases, cycles and powers behind the results, and the simulation of the log."""
+    """Time histories, loss map, phases, cycles and powers behind the results, and the simulation
+    of the log.
+    """
     listed = [
         more.get("histories"),
         more.get("loss-map"),
@@ -210,7 +240,9 @@ def _evidence_sections(
 def _net_notes(reduction: Reduction) -> list[Note]:
     """Why cycles have no net energies."""
     reasons = net_reasons(reduction.cycles) if reduction.rig.cascade.net_ratios else []
-    more = [f"{len(reasons) - LISTED_REASONS} more reasons"] if len(reasons) > LISTED_REASONS else []
+    more = (
+        [f"{len(reasons) - LISTED_REASONS} more reasons"] if len(reasons) > LISTED_REASONS else []
+    )
     return [Note(f"{reason}.", "No net energy") for reason in (*reasons[:LISTED_REASONS], *more)]
 
 

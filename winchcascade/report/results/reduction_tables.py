@@ -1,4 +1,6 @@
-"""Tables of the reduction of a log: cycles, phases, bins of generator speed, uncertainty and findings."""
+"""Tables of the reduction of a log: cycles, phases, bins of generator speed, uncertainty and
+findings.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ from winchcascade.report.glossary import metric, short
 from winchcascade.report.wording import clock_zero, label, source_name, span_word
 
 LISTED_CYCLES = 14
-"""Cycles that a table lists, with which a page has room on four screens; of more the first and the last half of that."""
+"""Cycles that a table lists, with which a page has room on four screens; of more the first and
+the last half of that.
+"""
 
 LISTED_BINS = 80
 """Bins of generator speed that a table lists, in the same way."""
@@ -39,10 +43,10 @@ LISTED_BINS = 80
 CYCLE: Column[CycleResult] = Column("cycle", label)
 
 
-# -------------------------------------------------------------------------------------------------------------- cycles
+# ----------------------------------------------------------------------------------------- cycles
 def decimals_of(reduction: Reduction, names: Sequence[str]) -> int:
-    """Decimals of metrics of one kind whose uncertainty is unknown: three digits of the largest of all cycles, of large ones
-    four.
+    """Decimals of metrics of one kind whose uncertainty is unknown: three digits of the largest of
+    all cycles, of large ones four.
     """
     if names[0].startswith("eta"):
         return 3
@@ -53,14 +57,25 @@ def decimals_of(reduction: Reduction, names: Sequence[str]) -> int:
 
 
 def metric_decimals(reduction: Reduction, found: Uncertainty, name: str) -> int:
-    """Decimals of a metric wherever it stands: as its uncertainties allow, and four digits of its largest at most."""
+    """Decimals of a metric wherever it stands: as its uncertainties allow, and four digits of
+    its largest at most.
+    """
     uncertainties = [*(u[name] for u in found.budget.cycles), mean_u(found, name)]
     allowed = common_places([Measured(None, u) for u in uncertainties])
-    alike = [m for m in reduction.rig.cascade.all_metrics if m.partition("_")[0] == name.partition("_")[0]]
+    alike = [
+        m
+        for m in reduction.rig.cascade.all_metrics
+        if m.partition("_")[0] == name.partition("_")[0]
+    ]
     if allowed is None:
         return decimals_of(reduction, alike or [name])
     largest = max(
-        (abs(x) for c in reduction.cycles if (x := c.metrics[name]) is not None and math.isfinite(x)), default=0.0
+        (
+            abs(x)
+            for c in reduction.cycles
+            if (x := c.metrics[name]) is not None and math.isfinite(x)
+        ),
+        default=0.0,
     )
     return min(allowed, 3 - math.floor(math.log10(largest))) if largest > 0.0 else allowed
 
@@ -71,9 +86,16 @@ def mean_u(found: Uncertainty, name: str) -> float | None:
 
 
 def _cycles(
-    name: str, caption: str, reduction: Reduction, found: Uncertainty, names: Sequence[str], *more: Column[CycleResult]
+    name: str,
+    caption: str,
+    reduction: Reduction,
+    found: Uncertainty,
+    names: Sequence[str],
+    *more: Column[CycleResult],
 ) -> Table[CycleResult]:
-    """A table with a row for each cycle, some columns, the metrics that any cycle has, and the rows that summarise them."""
+    """A table with a row for each cycle, some columns, the metrics that any cycle has, and the
+    rows that summarise them.
+    """
     of = {short(m): m for m in names if any(c.metrics[m] is not None for c in reduction.cycles)}
     columns = [
         CYCLE,
@@ -90,14 +112,22 @@ def _cycles(
             for head, m in of.items()
         ),
     ]
-    n = max((sum(c.metrics[m] is not None for c in reduction.complete) for m in of.values()), default=0)
+    n = max(
+        (sum(c.metrics[m] is not None for c in reduction.complete) for m in of.values()), default=0
+    )
     repeats, deviation = reduction.rig.phases.repeats, reduction.max_deviation_percent
-    apart = n > 1 and (not repeats or reduction.window in ("payout", "whole"))  # windows that differ in length
+    apart = n > 1 and (
+        not repeats or reduction.window in ("payout", "whole")
+    )  # windows that differ in length
     rows: list[list[Cell]] = [
         [head, *("" if (m := of.get(column.name)) is None else cell[m] for column in columns[1:])]
         for head, wanted, cell in (
             (f"mean of {n}", n > 0 and repeats, reduction.mean),
-            ("max. deviation, %", n > 1 and repeats, {m: number_text(deviation[m], 2) for m in of.values()}),
+            (
+                "max. deviation, %",
+                n > 1 and repeats,
+                {m: number_text(deviation[m], 2) for m in of.values()},
+            ),
             (
                 "std. uncertainty",
                 n > 0 and repeats,
@@ -118,7 +148,11 @@ def _metric(name: str, cycle: CycleResult) -> float | None:
 def cycles_table(reduction: Reduction, found: Uncertainty) -> Table[CycleResult]:
     """Energies, efficiencies and mean powers of every cycle over its window, and their means."""
     cascade = reduction.rig.cascade
-    some = "" if len(reduction.complete) == len(reduction.cycles) else "; in brackets: incomplete, not in the mean"
+    some = (
+        ""
+        if len(reduction.complete) == len(reduction.cycles)
+        else "; in brackets: incomplete, not in the mean"
+    )
     where = [f"{s.name}: {s.where}" for s in cascade.stages if s.where and cascade.configured]
     made = _cycles(
         "cycles", f"Cycles over the integration window{some}.", reduction, found,
@@ -134,7 +168,8 @@ def net_table(reduction: Reduction, found: Uncertainty) -> Table[CycleResult] | 
     if all(c.metrics[name] is None for c in reduction.cycles for name in names):
         return None
     return _cycles(
-        "net", "Whole cycles: line energy of the payout, returned in haul-in, and net from onset to next onset.",
+        "net", "Whole cycles: line energy of the payout, returned in haul-in, and net from onset "
+               "to next onset.",
         reduction, found, names,
         Column("onset to onset", lambda c: c.net.end - c.net.begin, "s", 2, brief=False),
     )  # fmt: skip
@@ -149,14 +184,20 @@ def directions_table(reduction: Reduction) -> Table[tuple[str, BothWays]] | None
         Column("against it", lambda row: row[1].negative, "J", decimals),
     ]
     both = [
-        row for row in reduction.both_ways.items() if min(row[1].positive, -row[1].negative) >= 0.5 * 10.0**-decimals
+        row
+        for row in reduction.both_ways.items()
+        if min(row[1].positive, -row[1].negative) >= 0.5 * 10.0**-decimals
     ]
-    return table("directions", "Energies in both directions, all complete cycles together.", columns, both)
+    return table(
+        "directions", "Energies in both directions, all complete cycles together.", columns, both
+    )
 
 
-# -------------------------------------------------------------------------------------------------------------- phases
+# ----------------------------------------------------------------------------------------- phases
 def _phase(name: str, place: str, field: str, unit: str, decimals: int) -> Column[CycleResult]:
-    """Column of a number of a phase, by the `place` of the phase in the summary of a cycle; None where the log lacks it."""
+    """Column of a number of a phase, by the `place` of the phase in the summary of a cycle; None
+    where the log lacks it.
+    """
     summary_of = attrgetter(f"summary.{place}")
     return Column(name, lambda cycle: getattr(summary_of(cycle), field, None), unit, decimals)
 
@@ -169,13 +210,18 @@ PHASE_COLUMNS = (
     _phase("torque", "point", "torque", "N.m", 3),
     _phase("plateau", "payout.plateau", "speed", "m/s", 3),
 )
-"""Phases of a cycle, after its payout: durations, travel, operating point, and speed of the plateau."""
+"""Phases of a cycle, after its payout: durations, travel, operating point, and speed of the
+plateau.
+"""
 
 MEAN_COLUMNS = (
     _phase("v_max", "payout", "speed_max", "m/s", 2),
     _phase("F", "payout.plateau", "force", "N", 0),
     _phase("τ", "payout.plateau", "torque", "N.m", 1),
-    *(_phase(f"P_{s} plateau", "payout.plateau", f"power_{s}", "W", 0) for s in ("line", "mech", "gen")),
+    *(
+        _phase(f"P_{s} plateau", "payout.plateau", f"power_{s}", "W", 0)
+        for s in ("line", "mech", "gen")
+    ),
     _phase("F_hold", "hold", "force", "N", 0),
     _phase("τ_hold", "hold", "torque", "N.m", 1),
     _phase("p_hold", "hold", "pressure", "kg/cm2", 2),
@@ -188,7 +234,9 @@ MEAN_COLUMNS = (
 
 
 def phases_tables(reduction: Reduction) -> tuple[Table[CycleResult], Table[CycleResult] | None]:
-    """Instants and durations of the phases of every cycle, and time means over them where any is known."""
+    """Instants and durations of the phases of every cycle, and time means over them where any is
+    known.
+    """
     zero, word = clock_zero(reduction.run), span_word(reduction)
     since = f"; onset since {zero:.2f} s on the log's clock" if zero else ""
     spans = [
@@ -199,7 +247,12 @@ def phases_tables(reduction: Reduction) -> tuple[Table[CycleResult], Table[Cycle
     ]
     means = "Time means over plateau (F, τ, P), hold and haul-in, whose energy returns to the line."
     known = Table(
-        "phase-means", means, [CYCLE, *MEAN_COLUMNS], reduction.cycles, brief=False, limit=LISTED_CYCLES
+        "phase-means",
+        means,
+        [CYCLE, *MEAN_COLUMNS],
+        reduction.cycles,
+        brief=False,
+        limit=LISTED_CYCLES,
     ).used()
     return (
         Table("phases", f"Phases{since}.", spans, reduction.cycles, limit=LISTED_CYCLES),
@@ -208,13 +261,24 @@ def phases_tables(reduction: Reduction) -> tuple[Table[CycleResult], Table[Cycle
 
 
 def bins_table(reduction: Reduction) -> Table[Bin] | None:
-    """Mean powers in bins of generator speed, and what is stored while the speed changes; None where it is unknown."""
-    stages = [s for s in reduction.rig.cascade.names if any(b.mean.get(s) is not None for b in reduction.bins)]
-    stores = [store for store in STORES if any(b.mean.get(store) is not None for b in reduction.bins)]
+    """Mean powers in bins of generator speed, and what is stored while the speed changes; None
+    where it is unknown.
+    """
+    stages = [
+        s
+        for s in reduction.rig.cascade.names
+        if any(b.mean.get(s) is not None for b in reduction.bins)
+    ]
+    stores = [
+        store for store in STORES if any(b.mean.get(store) is not None for b in reduction.bins)
+    ]
     columns: list[Column[Bin]] = [
         Column("generator speed", lambda b: Span(b.rpm_low, b.rpm_high), "rpm", 0),
         Column("samples", lambda b: b.count, decimals=0),
-        *(Column(short(f"power_{stage}"), partial(_binned, stage), "W", 0, own_digits=True) for stage in stages),
+        *(
+            Column(short(f"power_{stage}"), partial(_binned, stage), "W", 0, own_digits=True)
+            for stage in stages
+        ),
         *(Column(f"into {store}", partial(_stored, store), "W", 0) for store in stores),
     ]
     given = {"inertia_rotor": "rotor" in stores, "c_dc": "capacitor" in stores}
@@ -224,7 +288,9 @@ def bins_table(reduction: Reduction) -> Table[Bin] | None:
         stored = f"Without {missing} in the rig file, or its channel in the log, differences contain stored energy."
     caption = f"Mean powers of the {span_word(reduction)}s by generator speed +- standard error of independent samples."
     return (
-        Table("bins", caption, columns, reduction.bins, note=stored, brief=False, limit=LISTED_BINS) if stages else None
+        Table("bins", caption, columns, reduction.bins, note=stored, brief=False, limit=LISTED_BINS)
+        if stages
+        else None
     )
 
 
@@ -236,9 +302,11 @@ def _stored(store: str, of: Bin) -> float | None:
     return of.mean.get(store)
 
 
-# --------------------------------------------------------------------------------------------------------- uncertainty
+# ------------------------------------------------------------------------------------ uncertainty
 def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table[str] | None:
-    """What the uncertainty of each mean is made of, and its 95 % intervals; None where neither is known."""
+    """What the uncertainty of each mean is made of, and its 95 % intervals; None where neither
+    is known.
+    """
     known, mean = found.budget, reduction.mean
     given = [m for m in mean if mean[m] is not None and (known.repeatability[m] or m in known.mean)]
 
@@ -251,12 +319,26 @@ def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table[str] | 
         Column("metric", short),
         Column("unit", lambda m: metric(m).unit),
         Column("95 % interval", lambda m: ends(m, alone=False), own_digits=True),
-        Column("u, sensors", lambda m: Measured(known.sensors[m], known.sensors[m]), own_digits=True),
-        Column("u, cycles", lambda m: Measured(known.repeatability[m], known.repeatability[m]), own_digits=True),
-        Column("ν", lambda m: math.inf if (known.freedom[m] or 0.0) > 1000.0 else known.freedom[m], decimals=1),
+        Column(
+            "u, sensors", lambda m: Measured(known.sensors[m], known.sensors[m]), own_digits=True
+        ),
+        Column(
+            "u, cycles",
+            lambda m: Measured(known.repeatability[m], known.repeatability[m]),
+            own_digits=True,
+        ),
+        Column(
+            "ν",
+            lambda m: math.inf if (known.freedom[m] or 0.0) > 1000.0 else known.freedom[m],
+            decimals=1,
+        ),
         Column("these cycles alone", lambda m: ends(m, alone=True), own_digits=True),
     ]
-    note = "ν: effective degrees of freedom. These cycles alone: without their scatter." if known.mean else ""
+    note = (
+        "ν: effective degrees of freedom. These cycles alone: without their scatter."
+        if known.mean
+        else ""
+    )
     caption = f"Standard uncertainty u of the means of {len(reduction.complete)} complete cycles."
     return table("uncertainty", caption, columns, given, note=note, brief=False)
 
@@ -266,7 +348,9 @@ Share = BudgetRow | None
 
 
 def budget_table(reduction: Reduction, found: Uncertainty) -> Table[Share] | None:
-    """Which error contributes which share of the variance of each mean; None where no accuracy is known."""
+    """Which error contributes which share of the variance of each mean; None where no accuracy
+    is known.
+    """
     known, rig = found.budget, reduction.rig
     metrics = [m for m in known.mean if m.startswith("eta")]
     metrics += [m for m in known.mean if m.startswith("energy") and m not in NET_METRICS]
@@ -287,7 +371,9 @@ def budget_table(reduction: Reduction, found: Uncertainty) -> Table[Share] | Non
             return None
         if source.part == "gain" or source.channel == R_DRUM:
             return f"{shown(100.0 * value)} %"
-        unit = "s" if source.part == "lag" else si_unit(rig.known_channels[source.channel].dimension)
+        unit = (
+            "s" if source.part == "lag" else si_unit(rig.known_channels[source.channel].dimension)
+        )
         return f"{shown(value)} {unit}"
 
     columns: list[Column[Share]] = [
@@ -299,24 +385,37 @@ def budget_table(reduction: Reduction, found: Uncertainty) -> Table[Share] | Non
         Column("from", partial(stated, "origin")),
         *(Column(short(m), partial(share, m), "%", 0) for m in metrics),
     ]
-    caption = (
-        "Uncertainty budget: share of the variance of each mean; errors of a sensor do not average out over cycles."
-    )
+    caption = "Uncertainty budget: share of the variance of each mean; errors of a sensor do not average out over cycles."
     source = f"Source of the rig file: {rig.source}." if rig.source else ""
-    return table("budget", caption, columns, [*known.rows, None] if metrics else (), note=source, brief=False)
+    return table(
+        "budget", caption, columns, [*known.rows, None] if metrics else (), note=source, brief=False
+    )
 
 
-# ------------------------------------------------------------------------------------------------------------ findings
+# --------------------------------------------------------------------------------------- findings
 def findings_table(run: Run, findings: Sequence[Finding]) -> Table[Finding] | None:
     """What was found wrong with a log and what was done; None for a clean log."""
     samples, zero = run.samples, clock_zero(run)
     columns: list[Column[Finding]] = [
         Column("finding", lambda f: f.kind),
         Column("channel", lambda f: f.channel, brief=False),
-        Column("when", lambda f: None if f.start is None else Span(f.start - zero, (f.end or f.start) - zero), "s", 2),
-        Column("data lost", lambda f: 100.0 * share if (share := f.lost_share(samples)) else None, "%", 2, brief=False),
+        Column(
+            "when",
+            lambda f: None if f.start is None else Span(f.start - zero, (f.end or f.start) - zero),
+            "s",
+            2,
+        ),
+        Column(
+            "data lost",
+            lambda f: 100.0 * share if (share := f.lost_share(samples)) else None,
+            "%",
+            2,
+            brief=False,
+        ),
         Column("what was found", lambda f: f.message),
         Column("what was done", lambda f: f.action),
     ]
     since = f"Times count from {zero:.2f} s on the log's clock." if zero else ""
-    return table("findings", "What is wrong with the log, and what was done.", columns, findings, note=since)
+    return table(
+        "findings", "What is wrong with the log, and what was done.", columns, findings, note=since
+    )

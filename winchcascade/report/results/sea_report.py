@@ -1,4 +1,6 @@
-"""What a rig in waves states: mean power of each sea with its band, energy of a year, loads compared, losses, peaks."""
+"""What a rig in waves states: mean power of each sea with its band, energy of a year, loads
+compared, losses, peaks.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,18 @@ from typing import Any
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.handover.posterior import Band
 from winchcascade.diagnosis.judge.causes import COVERED
-from winchcascade.report.content import Cell, Column, Measured, Note, Report, Span, picture, section, shown, table
+from winchcascade.report.content import (
+    Cell,
+    Column,
+    Measured,
+    Note,
+    Report,
+    Span,
+    picture,
+    section,
+    shown,
+    table,
+)
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.results.common import provenance
 from winchcascade.report.results.judgement import judgement_banner, judgement_note, judgement_record
@@ -27,9 +40,11 @@ PEAK_HEADS = {
 """Heads and units of the columns of peaks."""
 
 
-# -------------------------------------------------------------------------------------------------------------------- JSON
+# ------------------------------------------------------------------------------------------- JSON
 def sea_record(found: SeaStudy) -> dict[str, Any]:
-    """Seas as JSON: SI units, loads in ohm, 95 % intervals as low and high; null where there is no result."""
+    """Seas as JSON: SI units, loads in ohm, 95 % intervals as low and high; null where there is
+    no result.
+    """
     seas, control = found.seas, found.schedule
     return {
         "schema": "winchcascade/sea/1",
@@ -81,7 +96,9 @@ def _band(band: Band) -> dict[str, float | None]:
 
 
 def sea_csv(found: SeaStudy) -> str:
-    """A row for each sea: mean power at the DC link with its interval, what the logs do not cover, limits, and the verdict."""
+    """A row for each sea: mean power at the DC link with its interval, what the logs do not
+    cover, limits, and the verdict.
+    """
     verdict = found.tested.judgement.verdict
     lines = ["hs_m,tp_s,hours_per_year,p_gen_w,low,high,outside_of_logs,exceeds,verdict"]
     for row in found.rows:
@@ -92,11 +109,13 @@ def sea_csv(found: SeaStudy) -> str:
             row.outside,
         ]
         cells = ["" if math.isnan(x) else f"{x:.6g}" for x in numbers]
-        lines.append(",".join([f"{row.hs:g}", f"{row.tp:g}", *cells, " ".join(row.exceeds), verdict]))
+        lines.append(
+            ",".join([f"{row.hs:g}", f"{row.tp:g}", *cells, " ".join(row.exceeds), verdict])
+        )
     return "\n".join(lines) + "\n"
 
 
-# ------------------------------------------------------------------------------------------------------------------ report
+# ----------------------------------------------------------------------------------------- report
 @house_style()
 def sea_report(found: SeaStudy, *, command: str = "") -> Report:
     """Report of a rig in waves."""
@@ -120,11 +139,13 @@ def sea_report(found: SeaStudy, *, command: str = "") -> Report:
         title=f"{tested.title}: {len(found.rows)} {'sea' if len(found.rows) == 1 else 'seas'}",
         subtitle=f"rig {tested.rig} · line moved by {found.moved_by} · {spectrum}{scale}",
         points=[
-            Note("Predicted by the corrected rig without errors of its sensors; no value was measured.", "Data", "warn"),
+            Note("Predicted by the corrected rig without errors of its sensors; no value was "
+                 "measured.", "Data", "warn"),
             judgement_note(tested.judgement),
             Note(f"{shown(found.load)} ohm in all seas{control}.", "Load"),
             _year_note(found),
-            Note(f"Up to {100.0 * outside:.0f} % of the time of payout lies outside what the logs cover.", "Domain",
+            Note(f"Up to {100.0 * outside:.0f} % of the time of payout lies outside what the logs "
+                 f"cover.", "Domain",
                  "warn") if outside > figures.COVERED else None,
             Note(f"{over} of {len(rows)} seas exceed a limit.", "Limits", "warn") if over else None,
             *(Note(f"{row.hs:g} m, {row.tp:g} s: {row.reason}", "No result", "warn") for row in found.rows if row.reason),
@@ -132,19 +153,23 @@ def sea_report(found: SeaStudy, *, command: str = "") -> Report:
         sections=[
             section("power", "Mean power", picture(
                 figures.power_figure(found), "power",
-                "Mean power at the DC link in each sea [W]; italic or hollow where the logs do not cover the motion.",
+                "Mean power at the DC link in each sea [W]; italic or hollow where the logs do "
+                "not cover the motion.",
                 "Mean power over wave height and period; the values are in the table.",
             ), _power_table(found)),
             section("losses", "Losses", picture(
-                figures.losses_figure(found), "losses", "Where the net power of the line goes in each sea.",
+                figures.losses_figure(found), "losses", "Where the net power of the line goes in "
+                                                        "each sea.",
                 "Stacked shares for each sea; the values are in the table.",
             ), _losses_table(found)),
             *([section("gains", "Loads compared", picture(
-                figures.gains_figure(found), "gains", "Gain of mean power of one way to choose the load over another.",
+                figures.gains_figure(found), "gains", "Gain of mean power of one way to choose "
+                                                      "the load over another.",
                 "Points with intervals for each sea; the values are in the table.",
             ), _gains_table(found))] if any(row.gain for row in rows) else []),
             section("peaks", "Peaks", picture(
-                figures.peaks_figure(found), "peaks", "Largest values of each sea, and the limits that are set.",
+                figures.peaks_figure(found), "peaks", "Largest values of each sea, and the limits "
+                                                      "that are set.",
                 "Points with intervals for each sea; the values are in the table.",
             ), _peaks_table(found)),
             provenance(
@@ -163,23 +188,34 @@ def _year_note(found: SeaStudy) -> Note | None:
     if found.year is None:
         return None
     year = f"{shown(_cell(found.year))} MWh in {found.hours:.0f} h"
-    interval = "" if math.isnan(found.year.low) else f" (95 %: {found.year.low:.3g} to {found.year.high:.3g})"
+    interval = (
+        ""
+        if math.isnan(found.year.low)
+        else f" (95 %: {found.year.low:.3g} to {found.year.high:.3g})"
+    )
     return Note(f"{year}{interval}.", "Year")
 
 
 def _cell(band: Band) -> Cell:
     return (
-        band.value if math.isnan(band.low) else Measured(band.value, 0.5 * (band.high - band.low) / COVERED, both=True)
+        band.value
+        if math.isnan(band.low)
+        else Measured(band.value, 0.5 * (band.high - band.low) / COVERED, both=True)
     )
 
 
 def _span(band: Band, factor: float = 1.0) -> Cell:
     if math.isnan(band.low):
         return None
-    return Span(factor * band.low, factor * band.high, 0.5 * factor * (band.high - band.low) / COVERED)
+    return Span(
+        factor * band.low, factor * band.high, 0.5 * factor * (band.high - band.low) / COVERED
+    )
 
 
-SEA: tuple[Column[InSea], ...] = (Column("Hs", lambda row: row.hs, "m", 2), Column("Tp", lambda row: row.tp, "s", 2))
+SEA: tuple[Column[InSea], ...] = (
+    Column("Hs", lambda row: row.hs, "m", 2),
+    Column("Tp", lambda row: row.tp, "s", 2),
+)
 """Columns that name a sea."""
 
 
@@ -201,8 +237,10 @@ def _power_table(found: SeaStudy) -> Any:
         Column("slack", lambda row: 100.0 * row.values["slack"].value, "%", 1, brief=False),
     ]
     caption = (
-        "Mean powers of each sea, net over the whole time; eta_pto is over the line power of the payouts, eta_net over its net "
-        "power; outside: share of the time of payout that the logs do not cover; slack: share of the time in which the line "
+        "Mean powers of each sea, net over the whole time; eta_pto is over the line power of the "
+        "payouts, eta_net over its net "
+        "power; outside: share of the time of payout that the logs do not cover; slack: share of "
+        "the time in which the line "
         "would have to push."
     )
     return table("power", caption, columns, _known(found))
@@ -212,8 +250,13 @@ def _losses_table(found: SeaStudy) -> Any:
     """Mean power by each loss."""
     rows = _known(found)
     named = [name for name in rows[0].lost if any(row.lost[name] != 0.0 for row in rows)]
-    parts = [Column[InSea](LEDGER[name].group, partial(_lost, name), "W", own_digits=True) for name in named]
-    return table("losses", "Mean power that is lost in each part.", [*SEA, *parts], rows, brief=False)
+    parts = [
+        Column[InSea](LEDGER[name].group, partial(_lost, name), "W", own_digits=True)
+        for name in named
+    ]
+    return table(
+        "losses", "Mean power that is lost in each part.", [*SEA, *parts], rows, brief=False
+    )
 
 
 def _lost(name: str, row: InSea) -> Cell:
@@ -224,10 +267,14 @@ def _gains_table(found: SeaStudy) -> Any:
     """Gains of one way to choose the load over another."""
     rows = [row for row in found.rows if row.gain]
     best = Column[InSea]("best load", lambda row: row.best_load, "ohm", own_digits=True)
-    gains = [Column[InSea](name.replace("_", " "), partial(_gain, name), "%", own_digits=True) for name in rows[0].gain]
+    gains = [
+        Column[InSea](name.replace("_", " "), partial(_gain, name), "%", own_digits=True)
+        for name in rows[0].gain
+    ]
     outside = Column[InSea]("outside", lambda row: 100.0 * max(row.beyond.values()), "%", 0)
     caption = (
-        "Gain of mean power, 95 % intervals: best is the best fixed load of the sea, fixed the load of all seas; outside: "
+        "Gain of mean power, 95 % intervals: best is the best fixed load of the sea, fixed the "
+        "load of all seas; outside: "
         "largest share of the time of payout of the others that the logs do not cover."
     )
     return table("gains", caption, [*SEA, best, *gains, outside], rows)
@@ -242,7 +289,12 @@ def _peaks_table(found: SeaStudy) -> Any:
     columns: list[Column[InSea]] = [
         *SEA,
         *(
-            Column[InSea](head, lambda row, name=name: _cell(row.values[name]), unit, own_digits=True)  # type: ignore[misc]
+            Column[InSea](
+                head,
+                lambda row, name=name: _cell(row.values[name]),
+                unit,
+                own_digits=True,  # type: ignore[misc]
+            )
             for name, (head, unit) in PEAK_HEADS.items()
         ),
         Column("over", lambda row: ", ".join(row.exceeds)),

@@ -1,4 +1,6 @@
-"""What a simulation states: where the energy of the line went, powers of the stages, time histories."""
+"""What a simulation states: where the energy of the line went, powers of the stages, time
+histories.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ from winchcascade.rig.ledger import LEDGER
 from winchcascade.rig.simulate import Simulation
 
 ENTRY_SHARE_MIN = 5e-4
-"""Entries below this share of the energy of the line are left out: they round to 0.0 %, as shares have one decimal. [1]"""
+"""Entries below this share of the energy of the line are left out: they round to 0.0 %, as
+shares have one decimal. [1]
+"""
 
 
 @house_style()
@@ -48,18 +52,23 @@ def simulation_report(
     left_out : errors of sensors that the rig file states and the simulation does not contain
     """
     run, name = simulation.run, "" if rig is None else rig.name
-    found = reduce(run, rig=_as_simulated(simulation, given_rig("write_report", rig, run.rig)), window=window)
+    found = reduce(
+        run, rig=_as_simulated(simulation, given_rig("write_report", rig, run.rig)), window=window
+    )
     end = int(simulation.energy["line"].argmax())
     joule = {entry: float(energy[end]) for entry, energy in simulation.energy.items()}
     about = (f"with {effects}" if effects else "", f"rig {name}" if name else "", run.about)
     return Report(
         kind="Simulation of a rig",
-        title=f"{run.name}: simulated at {load_words(run.load, 'ohm', before='load ', unknown='load unknown')}",
+        title=f"{run.name}: simulated at "
+        f"{load_words(run.load, 'ohm', before='load ', unknown='load unknown')}",
         subtitle=" · ".join(filter(None, about)),
         tiles=_tiles(joule),
         points=[
             data_note([run.origin]),
-            Note(f"{', '.join(left_out)}: errors of sensors, which are left out.", "Sensors") if left_out else None,
+            Note(f"{', '.join(left_out)}: errors of sensors, which are left out.", "Sensors")
+            if left_out
+            else None,
             Note("`winchcascade reduce` on the written log finds its cycles.", "Next", brief=False),
         ],
         sections=[
@@ -80,7 +89,11 @@ def _as_simulated(simulation: Simulation, rig: Rig) -> Rig:
 
 def _significant(joule: Mapping[str, float]) -> dict[str, float]:
     """Entries of the ledger that are not small beside the energy of the line. [J]"""
-    return {entry: energy for entry, energy in joule.items() if abs(energy) >= ENTRY_SHARE_MIN * abs(joule["line"])}
+    return {
+        entry: energy
+        for entry, energy in joule.items()
+        if abs(energy) >= ENTRY_SHARE_MIN * abs(joule["line"])
+    }
 
 
 def _percent_of_line(entry: str, joule: Mapping[str, float]) -> float | None:
@@ -111,7 +124,9 @@ def _ledger_table(joule: Mapping[str, float]) -> Table[str] | None:
         Column("share", lambda entry: _percent_of_line(entry, joule), "%", 1),
         Column("what it is", lambda entry: LEDGER[entry].words),
     ]
-    return table("ledger", "Energies when that of the line is largest.", columns, _significant(joule))
+    return table(
+        "ledger", "Energies when that of the line is largest.", columns, _significant(joule)
+    )
 
 
 def _stages_table(found: Reduction) -> Table[tuple[str, Signal]] | None:
@@ -125,7 +140,9 @@ def _stages_table(found: Reduction) -> Table[tuple[str, Signal]] | None:
         Column("energy returned", lambda row: float(np.trapezoid((-row[1]).clip(0.0), t)), "J", 0),
     ]
     powers = powers_of(found).items()
-    return table("stages", "Powers of the stages over the whole motion.", columns, powers, brief=False)
+    return table(
+        "stages", "Powers of the stages over the whole motion.", columns, powers, brief=False
+    )
 
 
 def _sources(simulation: Simulation, source: str) -> list[tuple[str, str | None]]:

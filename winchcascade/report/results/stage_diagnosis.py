@@ -58,7 +58,8 @@ def stage_report(found: StageDiagnosis, *, command: str = "") -> Report:
     """Report of a cascade of which the powers of neighbouring stages are known."""
     word, data = word_of(found), found.data
     rows: list[tuple[str, Cell]] = [
-        (p.run.name, f"cycles {p.cycles[0]} to {p.cycles[1]}, {p.run.sha256 or 'no file'}") for p in data.parts
+        (p.run.name, f"cycles {p.cycles[0]} to {p.cycles[1]}, {p.run.sha256 or 'no file'}")
+        for p in data.parts
     ]
     stages = " to ".join([data.paths[0].into.name, *(path.out.name for path in data.paths)])
     return Report(
@@ -93,14 +94,19 @@ def _others_table(found: StageDiagnosis) -> Table[EffectNumber] | None:
     """Numbers of the effects that were fitted and are not named."""
     named = {cause.effect for cause in (*found.causes, *found.candidates)}
     rows = [
-        EffectNumber(one.effect, shown_as(found, one), next(iter(one.parameters.values())), "in the fit, not named")
+        EffectNumber(
+            one.effect,
+            shown_as(found, one),
+            next(iter(one.parameters.values())),
+            "in the fit, not named",
+        )
         for one in found.fitted
         if one.effect not in named
     ]
     return effects_table("others", "Numbers beside those of the causes.", rows)
 
 
-# -------------------------------------------------------------------------------------------------------------- energies
+# --------------------------------------------------------------------------------------- energies
 class PhaseEnergy(NamedTuple):
     """Energy of all judged cycles at a stage in a phase [J], and by which share predictions
     deviate, also in the worst cycle.
@@ -119,10 +125,18 @@ def _energies_table(found: StageDiagnosis) -> Table[PhaseEnergy] | None:
     deviate.
     """
     rows = []
-    for stage, phase in dict.fromkeys((one.stage, one.phase) for one in found.energies if one.phase != "hold"):
-        own = [one for one in found.energies if (one.stage, one.phase) == (stage, phase) and one.measured]
+    for stage, phase in dict.fromkeys(
+        (one.stage, one.phase) for one in found.energies if one.phase != "hold"
+    ):
+        own = [
+            one
+            for one in found.energies
+            if (one.stage, one.phase) == (stage, phase) and one.measured
+        ]
         if measured := sum(one.measured for one in own):
-            before, after = (sum(getattr(one, of) for one in own) / measured - 1.0 for of in ("before", "after"))
+            before, after = (
+                sum(getattr(one, of) for one in own) / measured - 1.0 for of in ("before", "after")
+            )
             worst = max((one.after / one.measured - 1.0 for one in own), key=abs)
             rows.append(PhaseEnergy(stage, phase, measured, before, after, worst))
     factor, k = figures.prefix(max((abs(row.measured) for row in rows), default=0.0))
@@ -140,17 +154,19 @@ def _energies_table(found: StageDiagnosis) -> Table[PhaseEnergy] | None:
     )  # fmt: skip
 
 
-# ---------------------------------------------------------------------------------------------------------- the evidence
+# ----------------------------------------------------------------------------------- the evidence
 def _where(found: StageDiagnosis, word: str) -> Section:
     factor, k = figures.prefix(max(place.rms for place in found.places))
     return section(
         "where", "Where the gap lies",
         picture(
-            figures.power_history(found, word), "history", f"Power that comes out: {word} and predicted; below, the residual.",
+            figures.power_history(found, word), "history", f"Power that comes out: {word} and "
+                                                           f"predicted; below, the residual.",
             "Lines over time; root mean squares are in the table.",
         ),
         table(
-            "places", f"{upper(word)} power that comes out minus that which goes in, stage by stage.",
+            "places", f"{upper(word)} power that comes out minus that which goes in, stage by "
+                      f"stage.",
             [
                 Column[Place]("stage", lambda place: place.stage),
                 Column("phase", lambda place: phase_words(place.phase)),
@@ -167,12 +183,16 @@ def _where(found: StageDiagnosis, word: str) -> Section:
 
 
 def _how_far(found: StageDiagnosis, word: str) -> Section:
-    energies = [one for one in found.energies if one.phase != "hold"] if found.closure is not None else []
+    energies = (
+        [one for one in found.energies if one.phase != "hold"] if found.closure is not None else []
+    )
 
     factor, k = figures.prefix(max((abs(one.measured) for one in energies), default=0.0))
 
     def energy(name: str) -> Column[StageEnergy]:
-        return Column(name, lambda one: Measured(getattr(one, name) * factor, one.u * factor), f"{k}J")
+        return Column(
+            name, lambda one: Measured(getattr(one, name) * factor, one.u * factor), f"{k}J"
+        )
 
     return section(
         "how-far", "How far the gap closes",
@@ -182,7 +202,8 @@ def _how_far(found: StageDiagnosis, word: str) -> Section:
             "Clouds of marks about a diagonal, wide before and narrow after.",
         ),
         table(
-            "cycle-energies", "Energy by stage, cycle and phase, with the uncertainty of the prediction.",
+            "cycle-energies", "Energy by stage, cycle and phase, with the uncertainty of the "
+                              "prediction.",
             [
                 Column[StageEnergy]("run", lambda one: found.runs[one.run].name),
                 Column("stage", lambda one: one.stage),

@@ -1,4 +1,6 @@
-"""What a trial of the diagnosis states: counts of right and wrong names, what each effect was taken for, wrong cases."""
+"""What a trial of the diagnosis states: counts of right and wrong names, what each effect was
+taken for, wrong cases.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,10 @@ TAKEN: tuple[Column[tuple[str, dict[str, int]]], ...] = (
 CASES: tuple[Column[CaseScore], ...] = (
     Column("case", lambda case: case.case),
     Column(
-        "injected", lambda case: " + ".join(f"{name} x {s:g}" for name, s in case.hidden.items()) or case.hidden_name
+        "injected",
+        lambda case: (
+            " + ".join(f"{name} x {s:g}" for name, s in case.hidden.items()) or case.hidden_name
+        ),
     ),
     Column("outcome", lambda case: case.outcome.replace("_", " ")),
     Column("diagnosis (!: certain)", lambda case: case.text),
@@ -44,7 +49,10 @@ def trial_report(score: Score) -> Report:
     words = {name: words for name, (words, _, _) in OUTCOMES.items()} | FURTHER
     totals = [(words[name], counted) for name, counted in score.totals.items() if counted.of]
     known = [name for name in (NOTHING, *INJECTED, *OUTSIDERS) if name in score.taken_for]
-    taken = [(name, score.taken_for[name]) for name in (*known, *sorted(score.taken_for.keys() - set(known)))]
+    taken = [
+        (name, score.taken_for[name])
+        for name in (*known, *sorted(score.taken_for.keys() - set(known)))
+    ]
     sealed = score.sealed_sha256 is not None
     return Report(
         kind="Trial of the diagnosis",
@@ -71,13 +79,19 @@ def trial_report(score: Score) -> Report:
 
 def _otherwise(row: tuple[str, dict[str, int]]) -> str:
     """What it was taken for instead, most cases first."""
-    others = sorted(((name, n) for name, n in row[1].items() if name != row[0]), key=lambda one: -one[1])
+    others = sorted(
+        ((name, n) for name, n in row[1].items() if name != row[0]), key=lambda one: -one[1]
+    )
     return ", ".join(f"{name} ({n})" for name, n in others) or "-"
 
 
 def progress_report(done: TrialProgress, verb: str) -> Report:
-    """Report of a call that dealt or diagnosed cases, as the verb states; nothing of the answers but their digest."""
-    altered = f"as the content did not match the digest of the earlier call: {', '.join(done.altered)}"
+    """Report of a call that dealt or diagnosed cases, as the verb states; nothing of the answers
+    but their digest.
+    """
+    altered = (
+        f"as the content did not match the digest of the earlier call: {', '.join(done.altered)}"
+    )
     return Report(
         kind="Trial",
         title=f"{done.made} cases {verb}, {done.kept} were there already",

@@ -1,4 +1,6 @@
-"""What a validation states on one page: comparison errors, their uncertainties, intervals of the model error, the domain."""
+"""What a validation states on one page: comparison errors, their uncertainties, intervals of the
+model error, the domain.
+"""
 
 from __future__ import annotations
 
@@ -34,12 +36,29 @@ FILED = ("power_gen", "eta_trans", "eta_gen", "eta_pto")
 """Quantities on the page; the JSON has every metric."""
 
 TERMS: tuple[tuple[str, Cell], ...] = (
-    ("E = S - D", "comparison error: simulation S minus reduced data D, a mean over the integration windows of a run"),
+    (
+        "E = S - D",
+        "comparison error: simulation S minus reduced data D, a mean over the integration windows "
+        "of a run",
+    ),
     ("before, after", "S of the model of the rig file, S of the model with the causes"),
-    ("D", "without the errors of sensors that the diagnosis found; their uncertainty is a part of u_D"),
-    ("u_D, u_num", "standard uncertainties of D by sensors and gaps, and of S by its step, which is halved"),
-    ("u_input", "that of S by rig and loads: before within their tolerances, after as the fit leaves them"),
-    ("model error", "with 95 % from E - 1.96 u_val to E + 1.96 u_val, u_val^2 = u_num^2 + u_input^2 + u_D^2"),
+    (
+        "D",
+        "without the errors of sensors that the diagnosis found; their uncertainty is a part of "
+        "u_D",
+    ),
+    (
+        "u_D, u_num",
+        "standard uncertainties of D by sensors and gaps, and of S by its step, which is halved",
+    ),
+    (
+        "u_input",
+        "that of S by rig and loads: before within their tolerances, after as the fit leaves them",
+    ),
+    (
+        "model error",
+        "with 95 % from E - 1.96 u_val to E + 1.96 u_val, u_val^2 = u_num^2 + u_input^2 + u_D^2",
+    ),
 )
 """Words of ASME V&V 20-2009."""
 
@@ -67,10 +86,12 @@ def validation_report(found: ModelDiagnosis, *, command: str = "") -> Report:
         points=[
             data_note(origins_of(found)),
             judgement_note(found.judgement),
-            Note(f"The interval of the model error contains 0 in {held['before']} of {len(rows)} comparisons before{after}.",
+            Note(f"The interval of the model error contains 0 in {held['before']} of {len(rows)} "
+                 f"comparisons before{after}.",
                  "Result"),
             None if not (worse := [row for row in rows if row.worse]) else Note(
-                f"After is further from the data than before, beyond its uncertainty, in {len(worse)} comparisons: "
+                f"After is further from the data than before, beyond its uncertainty, in "
+                f"{len(worse)} comparisons: "
                 f"{'; '.join(f'{short(row.quantity)} of run {row.log + 1}' for row in worse)}.", "Worse", "warn"),
             None if (tested := tested_by(found)) is None else Note(_domain(tested), "Domain"),
         ],
@@ -89,14 +110,21 @@ def _sides() -> dict[str, Which]:
 
 
 def _table(found: ModelDiagnosis) -> Table[Validated] | None:
-    """Comparison errors before and after with the intervals of the model error, by run and quantity."""
+    """Comparison errors before and after with the intervals of the model error, by run and
+    quantity.
+    """
 
     def of(which: Which, cell: Callable[[Compared], Cell]) -> Callable[[Validated], Cell]:
         return lambda row: None if (one := which(row)) is None else cell(one)
 
     columns: list[Column[Validated]] = [
         Column("run", lambda row: row.log + 1),
-        Column("load", lambda row: "open" if math.isinf(row.load or 0.0) else row.load, "ohm", own_digits=True),
+        Column(
+            "load",
+            lambda row: "open" if math.isinf(row.load or 0.0) else row.load,
+            "ohm",
+            own_digits=True,
+        ),
         Column("speed", lambda row: row.speed, "m/s", 2),
         Column("of", lambda row: short(row.quantity)),
         Column("D", lambda row: Measured(row.measured, row.u_d), own_digits=True),
@@ -104,15 +132,30 @@ def _table(found: ModelDiagnosis) -> Table[Validated] | None:
     ]
     for name, which in _sides().items():
         columns += [
-            Column(f"u_input {name}", of(which, lambda one: Measured(one.u_input, one.u_input)), own_digits=True),
-            Column(f"E {name}", of(which, lambda one: Measured(one.error, one.u_val)), own_digits=True, signed=True),
-            Column(f"model error {name}", of(which, lambda one: Span(one.low, one.high, one.u_val)), own_digits=True),
+            Column(
+                f"u_input {name}",
+                of(which, lambda one: Measured(one.u_input, one.u_input)),
+                own_digits=True,
+            ),
+            Column(
+                f"E {name}",
+                of(which, lambda one: Measured(one.error, one.u_val)),
+                own_digits=True,
+                signed=True,
+            ),
+            Column(
+                f"model error {name}",
+                of(which, lambda one: Span(one.low, one.high, one.u_val)),
+                own_digits=True,
+            ),
         ]
     rows = [row for row in found.validation if row.quantity in FILED]
     own = sum(row.after is not None and not row.held_out for row in rows)
     caption = (
-        "Comparison errors with the 95 % interval of the model error; powers in W. After: by fits without the logs of the load"
-        f"{f', but for {own} rows' * bool(own)}. u_num is at most {max((row.u_num for row in rows), default=0.0):.1g}."
+        "Comparison errors with the 95 % interval of the model error; powers in W. After: by fits "
+        "without the logs of the load"
+        f"{f', but for {own} rows' * bool(own)}. u_num is at most "
+        f"{max((row.u_num for row in rows), default=0.0):.1g}."
     )
     return table("validation", caption, columns, rows, brief=False)
 
@@ -122,6 +165,7 @@ def _domain(tested: Tested) -> str:
     speed, current = np.max(np.array(tested.border), axis=0)
     loads = ", ".join(f"{load:g}" for load in tested.loads)
     return (
-        f"{loads} ohm; in payout up to {speed:.2f} m/s of line speed and {current:.3g} A of DC current; up to "
+        f"{loads} ohm; in payout up to {speed:.2f} m/s of line speed and {current:.3g} A of DC "
+        f"current; up to "
         f"{tested.force:.0f} N of line tension."
     )

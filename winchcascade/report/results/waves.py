@@ -1,4 +1,6 @@
-"""What irregular waves state: energies of the record and efficiencies of all waves; of a log or of a campaign."""
+"""What irregular waves state: energies of the record and efficiencies of all waves; of a log or
+of a campaign.
+"""
 
 from __future__ import annotations
 
@@ -46,19 +48,28 @@ def wave_section(found: WaveEnergies, drawn: Picture | None = None) -> Section:
 
 
 def wave_tiles(found: WaveEnergies) -> list[Tile]:
-    """Efficiencies of all waves together, and mean powers of the record where there are fewer than three."""
+    """Efficiencies of all waves together, and mean powers of the record where there are fewer
+    than three.
+    """
     etas = [
         Tile(
             name,
             ratio_words(name, found.pairs[name]),
             shown(eta.value, 3),
-            f"95 %: {shown(interval_of(eta), 3)}" if eta.interval else "too few waves for an interval",
+            f"95 %: {shown(interval_of(eta), 3)}"
+            if eta.interval
+            else "too few waves for an interval",
         )
         for name, eta in found.efficiency.items()
         if eta.value is not None
     ]
     powers = [
-        Tile(f"power_{stage}", "mean of the record", f"{shown(watt)} W", f"{found.record_duration:.0f} s")
+        Tile(
+            f"power_{stage}",
+            "mean of the record",
+            f"{shown(watt)} W",
+            f"{found.record_duration:.0f} s",
+        )
         for stage, watt in found.record_power.items()
     ]
     return [*etas, *powers][:3]
@@ -115,11 +126,17 @@ EFFICIENCIES: tuple[Column[Row], ...] = (
 
 
 def _wave_blocks(found: WaveEnergies) -> list[Block | None]:
-    """Record and efficiencies of waves, of one log or of several, and what their intervals contain."""
+    """Record and efficiencies of waves, of one log or of several, and what their intervals
+    contain.
+    """
     logs = f" of {len(found.counts)} logs" if len(found.counts) > 1 else ""
     unknown = sorted({channel for channels in found.unknown.values() for channel in channels})
     draws, seed = BOOTSTRAP.values()
-    without = f", without sensors where the unknown accuracy of {', '.join(unknown)} is needed" if unknown else ""
+    without = (
+        f", without sensors where the unknown accuracy of {', '.join(unknown)} is needed"
+        if unknown
+        else ""
+    )
     powers: list[Column[Row]] = [
         Column("stage", lambda row: row[0]),
         Column("mean power", lambda row: found.record_power.get(row[0]), "W", own_digits=True),
@@ -145,26 +162,39 @@ def interval_of(of: RatioOfSums | None) -> Span | None:
 
 
 def _u(of: RatioOfSums | None, *, sensors: bool) -> Cell:
-    """The part of the standard uncertainty by waves or by sensors; zero for what rounding of numbers alone makes."""
+    """The part of the standard uncertainty by waves or by sensors; zero for what rounding of
+    numbers alone makes.
+    """
     u = None if of is None else of.u_sensors if sensors else of.u_waves
-    return 0.0 if of is not None and u is not None and u < ROUNDING * abs(of.value or 1.0) else Measured(u, u)
+    return (
+        0.0
+        if of is not None and u is not None and u < ROUNDING * abs(of.value or 1.0)
+        else Measured(u, u)
+    )
 
 
-# ----------------------------------------------------------------------------------------------------------- the figure
+# ------------------------------------------------------------------------------------- the figure
 def wave_picture(found: WaveEnergies, cascade: Cascade) -> Picture | None:
     """Energies and efficiencies of the waves as a block. Called within the style of figures."""
     return picture(
         _wave_figure(found, cascade), "wave-energies",
         "Energy of each wave over its payout"
         + (", and its efficiency; lines: ratios of sums." if found.efficiency else "."),
-        "Dots of energies and efficiencies over payout, and lines of the ratios of sums in the table.",
+        "Dots of energies and efficiencies over payout, and lines of the ratios of sums in the "
+        "table.",
     )  # fmt: skip
 
 
 def _wave_figure(found: WaveEnergies, cascade: Cascade) -> Figure | None:
     """Energies and efficiencies of the waves over their payout; None without waves."""
     from winchcascade.report.figures.reduction_figures import stage_of
-    from winchcascade.report.figures.style import COLOURS, evenly, label_panel, look_of, panel_figure
+    from winchcascade.report.figures.style import (
+        COLOURS,
+        evenly,
+        label_panel,
+        look_of,
+        panel_figure,
+    )
 
     if not found.each or not np.isfinite(found.payout).all():
         return None
@@ -173,7 +203,14 @@ def _wave_figure(found: WaveEnergies, cascade: Cascade) -> Figure | None:
     payout, x_label = found.payout[rows], f"Payout ({found.payout_unit})"
     for stage, joule in found.energy.items():
         look = look_of(stage)
-        left.plot(payout, joule[rows], look.mark, ms=2.6, color=COLOURS[look.colour], label=tex(f"energy_{stage}"))
+        left.plot(
+            payout,
+            joule[rows],
+            look.mark,
+            ms=2.6,
+            color=COLOURS[look.colour],
+            label=tex(f"energy_{stage}"),
+        )
     label_panel(left, "a", "Energy of each wave", x=x_label, y="Energy (J)")
     for right in others:
         for name, together in found.efficiency.items():
@@ -184,7 +221,13 @@ def _wave_figure(found: WaveEnergies, cascade: Cascade) -> Figure | None:
             eta[(eta < 0.0) | (eta > 1.0)] = np.nan
             right.plot(payout, eta, look.mark, ms=2.6, color=COLOURS[look.colour], alpha=0.5)
             if together.value is not None:
-                right.axhline(together.value, color=COLOURS[look.colour], lw=1.6, ls=look.dashes, label=tex(name))
+                right.axhline(
+                    together.value,
+                    color=COLOURS[look.colour],
+                    lw=1.6,
+                    ls=look.dashes,
+                    label=tex(name),
+                )
         label_panel(right, "b", "Efficiency of each wave", x=x_label, y="Efficiency (1)")
     for axes in (left, *others):
         axes.legend(loc="best")

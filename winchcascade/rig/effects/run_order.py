@@ -1,4 +1,6 @@
-"""The order of the runs of a campaign, and what follows it: heat that a machine keeps, and time that passes."""
+"""The order of the runs of a campaign, and what follows it: heat that a machine keeps, and time
+that passes.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +15,11 @@ from numpy.typing import NDArray
 class RunOrder(msgspec.Struct, frozen=True):
     """When the runs of a campaign were made.
 
-    `begins` are their beginnings, from that of the first run made, in units of their median spacing [1]; `heat` the mean
-    square of the DC current of each over the mean of all, 0 where no current is known [1]; `temperature` that of the machine in
-    each, empty where it is not known of all [K]. Shares are those of the first `made` runs, of all where it is None: a run that
-    is only planned does not change them.
+    `begins` are their beginnings, from that of the first run made, in units of their median spacing
+    [1]; `heat` the mean square of the DC current of each over the mean of all, 0 where no current
+    is known [1]; `temperature` that of the machine in each, empty where it is not known of all [K].
+    Shares are those of the first `made` runs, of all where it is None: a run that is only planned
+    does not change them.
     """
 
     begins: tuple[float, ...]
@@ -25,8 +28,14 @@ class RunOrder(msgspec.Struct, frozen=True):
     made: int | None = None
 
     def with_run(self, heat: float) -> RunOrder:
-        """The same runs and one more after them, at the usual spacing; its temperature follows from the time constant."""
-        return RunOrder((*self.begins, max(self.begins) + 1.0), (*self.heat, heat), made=self.made or len(self.heat))
+        """The same runs and one more after them, at the usual spacing; its temperature follows
+        from the time constant.
+        """
+        return RunOrder(
+            (*self.begins, max(self.begins) + 1.0),
+            (*self.heat, heat),
+            made=self.made or len(self.heat),
+        )
 
 
 class RunPlace(msgspec.Struct, frozen=True):
@@ -38,35 +47,47 @@ class RunPlace(msgspec.Struct, frozen=True):
 
 @lru_cache(maxsize=512)
 def warming(order: RunOrder, time_constant: float, by_current: float) -> tuple[float, ...]:
-    """Rise of the temperature of a machine above its first run, over the largest such rise, of each run [1].
+    """Rise of the temperature of a machine above its first run, over the largest such rise, of each
+    run [1].
 
-    The temperature follows the heat of the runs by a first order: what each run has brought fades with `time_constant`, half of
-    a run's own heat counts in it. Where temperatures are known, the rise is theirs.
+    The temperature follows the heat of the runs by a first order: what each run has brought fades
+    with `time_constant`, half of a run's own heat counts in it. Where temperatures are known, the
+    rise is theirs.
 
     Parameters
     ----------
     time_constant : in units of the median spacing of the runs [1]
-    by_current : share of the heat that follows the square of the current; the rest is alike in all runs [1]
+    by_current : share of the heat that follows the square of the current; the rest is alike in all
+        runs [1]
 
     >>> [round(rise, 6) for rise in warming(RunOrder((0.0, 1.0, 2.0), (0.0, 1.0, 2.0)), 1e9, 0.0)]
     [0.0, 0.5, 1.0]
     """
-    level = np.array(order.temperature) if order.temperature else _level(order, time_constant, by_current)
+    level = (
+        np.array(order.temperature)
+        if order.temperature
+        else _level(order, time_constant, by_current)
+    )
     rise = level - level[int(np.argmin(order.begins))]
     largest = float(np.max(np.abs(rise[: order.made]), initial=0.0))
     return tuple((rise / largest).tolist()) if largest > 0.0 else (0.0,) * rise.size
 
 
 def _level(order: RunOrder, time_constant: float, by_current: float) -> NDArray[np.float64]:
-    """Temperature in each run above that of the surroundings, in units of what one run of mean heat brings. [1]"""
+    """Temperature in each run above that of the surroundings, in units of what one run of mean
+    heat brings. [1]
+    """
     begins, brought = np.array(order.begins), 1.0 - by_current + by_current * np.array(order.heat)
     age = begins[:, None] - begins[None, :]
-    kept = np.where(age > 0.0, np.exp(-np.maximum(age, 0.0) / time_constant), 0.5 * np.eye(begins.size))
+    kept = np.where(
+        age > 0.0, np.exp(-np.maximum(age, 0.0) / time_constant), 0.5 * np.eye(begins.size)
+    )
     return np.asarray(kept @ brought)
 
 
 def lasting_heat(order: RunOrder, time_constant: float, by_current: float) -> float:
-    """Heat of a run, repeated for ever at the usual spacing, that keeps the machine as warm as in the warmest of some runs. [1]
+    """Heat of a run, repeated for ever at the usual spacing, that keeps the machine as warm as in
+    the warmest of some runs. [1]
 
     Parameters
     ----------
@@ -91,13 +112,16 @@ def passed(order: RunOrder) -> tuple[float, ...]:
 
 
 def order_of(
-    begins: tuple[float | None, ...], squares: tuple[float, ...], temperature: tuple[float | None, ...]
+    begins: tuple[float | None, ...],
+    squares: tuple[float, ...],
+    temperature: tuple[float | None, ...],
 ) -> RunOrder:
     """Order of some runs.
 
     Parameters
     ----------
-    begins : of each run, seconds on a common clock; unless all are known and differ, the runs were made in their order [s]
+    begins : of each run, seconds on a common clock; unless all are known and differ, the runs were
+        made in their order [s]
     squares : mean square of the DC current of each run [A2]
     temperature : of the machine in each run [K]
     """
