@@ -5,6 +5,7 @@ frames hold.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -160,11 +161,7 @@ def write_parquet(reduction: Reduction, folder: Path, *, force: bool = False) ->
     rows = table_rows(run.name, reduction_record(reduction))
     for table, path in files.items():
         content = pa.Table.from_pylist(rows[table], schema=table_schema(table, about, [cascade]))
-        write_whole(
-            path,
-            lambda part, content=content: parquet.write_table(content, part),
-            force=force,  # type: ignore[misc]
-        )
+        write_whole(path, partial(parquet.write_table, content), force=force)
     return list(files.values())
 
 

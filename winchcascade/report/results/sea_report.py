@@ -291,9 +291,9 @@ def _peaks_table(found: SeaStudy) -> Any:
         *(
             Column[InSea](
                 head,
-                lambda row, name=name: _cell(row.values[name]),
+                lambda row, name=name: _cell(row.values[name]),  # type: ignore[misc]
                 unit,
-                own_digits=True,  # type: ignore[misc]
+                own_digits=True,
             )
             for name, (head, unit) in PEAK_HEADS.items()
         ),
