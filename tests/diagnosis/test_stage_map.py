@@ -13,10 +13,12 @@ from scipy.io import loadmat
 
 from winchcascade.core.errors import LogError, OptionError, RigError
 from winchcascade.core.rig_file import Rig, Sensor, StatedLaw
+from winchcascade.core.rig_toml import read_rig
 from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.diagnosis_result import Entries
 from winchcascade.diagnosis.stages.diagnose_stages import diagnose_stages
 from winchcascade.diagnosis.stages.stage_map import LossMap, convex_hull, make_loss_map
+from winchcascade.ingest.read import read_run
 from winchcascade.report.loss_map_file import write_loss_map
 from winchcascade.rig.baseline import load_rig
 from winchcascade.rig.effects.catalogue import EFFECTS
@@ -218,3 +220,12 @@ def test_the_files_hold_the_same_table(tmp_path: Path) -> None:
     assert inside.sum() == found.inside.sum()
     with pytest.raises(OptionError, match=r"map\.txt"):
         write_loss_map(found, tmp_path / "map.txt", "a campaign")
+
+
+def test_what_a_rig_stores_is_stated_beside_its_map(fixtures: Path) -> None:
+    """A capacitor stores with the voltage, which is no axis of the map."""
+    folder = fixtures / "campaign"
+    rig = read_rig(folder / "rig.toml")
+    found = make_loss_map([read_run(folder / "r18ohm.csv", rig=rig, load=18.0)], rig)
+    assert "capacitor" in {law.name for law in found.laws}
+    assert np.isfinite(found.loss).all()

@@ -192,11 +192,15 @@ def _surface(fit: StageFit, grid: Signal) -> tuple[Signal, Signal]:
     power = np.abs(x * y)
     signals = {**dict(zip(data.axes[0], (x, y), strict=True)), "power": power, "drive": power}
     one = StageSignals(np.arange(float(power.size)), power, power, signals, {}, {})
-    losses = [law.law.kind == "loss" for law in data.laws.values()]
-    columns = [
-        -one.column(law.law) * loss for law, loss in zip(data.laws.values(), losses, strict=True)
+    # a store loses nothing, and what is no function of both axes has no place on the map
+    mapped = [
+        law.law.kind == "loss" and law.law.over.keys() <= signals.keys()
+        for law in data.laws.values()
     ]
-    slopes = np.array(columns).T
+    slopes = np.zeros((power.size, len(mapped)))
+    for k, (law, own) in enumerate(zip(data.laws.values(), mapped, strict=True)):
+        if own:
+            slopes[:, k] = -one.column(law.law)
     shape = (*grid.shape[:-1], len(best.names))
     return (slopes @ data.numbers(best.names, best.x)).reshape(shape[:-1]), slopes[
         :, fit.own(best)
