@@ -34,6 +34,7 @@ FIXED = {
     ): "instruments: no converter of a logger samples at a gigahertz",
     ("ingest/limits.py", "SECONDS_MIN"): "a computer's time to read a file",
     ("ingest/limits.py", "SECONDS_PER_MB"): "a computer's time to read a file",
+    ("ingest/log_facts.py", "ANY_RATE"): "no rate: a log without a clock is looked at, not reduced",
     ("ingest/log_clock.py", "EPOCH_SECONDS"): "file format: stamps that count from 1970 or 1904",
     (
         "ingest/log_clock.py",

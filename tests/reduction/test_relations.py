@@ -13,7 +13,7 @@ import pytest
 from msgspec.structs import replace
 
 from winchcascade import Reduction, Run, read_run, reduce
-from winchcascade.core.rig_toml import built_in
+from winchcascade.core.rig_toml import built_in, parse_rig
 from winchcascade.reduction.lags_between_runs import lags_between
 from winchcascade.reduction.reduction_result import Relation
 from winchcascade.reduction.run_record import reduction_json
@@ -170,3 +170,14 @@ def test_a_log_that_is_late_beside_the_others_is_named() -> None:
     assert found.names == ("2",)
     assert list(lags_between(logs(0.0, 0.08))) == []
     assert list(lags_between(logs(0.0, 0.002, -0.001))) == []
+
+
+def test_a_machine_of_another_rig_bounds_no_voltage() -> None:
+    """A rig file that states its drum alone takes back-EMF and gear from another rig."""
+    own = parse_rig(
+        'based_on = "hsu2026"\nname = "ours"\n[winch]\nr_drum = {value = 0.2, unit = "m"}', "r"
+    )
+    assert own.states("winch.r_drum")
+    assert not own.states("generator.k_e")
+    assert built_in().states("generator.k_e", "winch.r_drum")
+    assert not msgspec.structs.replace(built_in(), assumed=True).states("winch.r_drum")

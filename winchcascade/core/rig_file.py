@@ -502,7 +502,7 @@ class Rig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     catalogue that the rig is known to have; they belong to its model. `laws` are known losses and
     stores between a stage and the one before it, by the name of the stage. `note` is shown with
     every reduction: a remark on the rig for its readers. `assumed`: it was taken because none was
-    named.
+    named. `inherited` are the numbers, as `generator.k_e`, that come from the rig it is based on.
     """
 
     name: Annotated[str, Meta(pattern=r"\S")]
@@ -526,6 +526,11 @@ class Rig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     phases: PhaseRule = PhaseRule()
     path: str = ""
     assumed: bool = False
+    inherited: frozenset[str] = frozenset()
+
+    def states(self, *paths: str) -> bool:
+        """Whether some numbers, as `generator.k_e`, are known to be those of this very rig."""
+        return not self.assumed and self.inherited.isdisjoint(paths)
 
     def __post_init__(self) -> None:
         """Reject parts and numbers of a rig that was made in Python, which no rig file may

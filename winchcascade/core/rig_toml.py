@@ -120,7 +120,7 @@ def parse_rig(text: str, where: str) -> Rig:
     and the struct of the table checks the rest.
     """
     raw = toml_values(text, where, RigError)
-    base = raw.pop("based_on", None)
+    base, own_parts = raw.pop("based_on", None), raw
     if base is not None:
         if base not in BUILT_IN:
             raise RigError(
@@ -172,6 +172,7 @@ def parse_rig(text: str, where: str) -> Rig:
         "cascade": read_cascade(raw.get("cascade"), stages, known, where),
         "sample_rate": log.sample_rate_hz,
         "path": where,
+        "inherited": _paths(raw) - _paths(own_parts),
     }
     rig: Rig = convert(read, Rig, f"{where}:", RigError)
     if (
@@ -184,6 +185,16 @@ def parse_rig(text: str, where: str) -> Rig:
             'the value 1 for a direct drive, or side = "shaft".'
         )
     return rig
+
+
+def _paths(raw: Mapping[str, object]) -> frozenset[str]:
+    """Numbers of the parts of a rig file, as `generator.k_e`."""
+    tables = {part: raw.get(part) for part in PARTS}
+    return frozenset(
+        f"{part}.{name}"
+        for part, table in tables.items()
+        for name in (table if isinstance(table, Mapping) else ())
+    )
 
 
 class _Log(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -173,7 +173,8 @@ def _rows(metric: str, logs: Sequence[LogEfficiency]) -> _Rows | None:
         r = np.array(loads, dtype=np.float64)
         terms = np.column_stack([np.ones(len(logs)), 1.0 / r, r])
     terms = terms[:, :distinct]
-    terms /= np.linalg.norm(terms, axis=0) if len(logs) else 1.0
+    size = np.linalg.norm(terms, axis=0)
+    terms = np.divide(terms, size, out=np.zeros_like(terms), where=size > 0.0)
     u = np.array([log.uncertainty.get(metric) or 0.0 for log in logs]) / eta
     sd = np.hypot(ETA_SCATTER, u) / eta
     return _Rows(sd, 1.0 / eta / sd, np.log(v) / sd, terms / sd[:, None], 1.0 - eta)

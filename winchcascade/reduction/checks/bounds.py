@@ -134,6 +134,8 @@ def peak_of_voltage(log: PhasedLog) -> Bound | None:
     )
     if k_e is None or means is None or not means.size or per_line is None:
         return None
+    if not log.rig.states("generator.k_e", "drivetrain.gear_ratio", "winch.r_drum"):
+        return None
     v, v_dc = means
     peak = math.sqrt(2.0) * k_e.value * 60.0 / TURN * per_line * v
     u = math.hypot(_u(log, (("vdc", v_dc),)), (k_e.u or 0.0) / k_e.value)
