@@ -5,15 +5,16 @@ with common sensors.
 import math
 from collections.abc import Mapping
 
+import msgspec
 import numpy as np
 import pytest
 from equal_cycles import LENGTH, Channels, Signal, amplified, cycles_of, run_of
+from rigs import calibrated_rig
 
 from winchcascade.comparison.compare_sides import compare_sides
 from winchcascade.comparison.compared_run import ComparedRun, compared_run
 from winchcascade.comparison.comparison_result import ComparedSide
 from winchcascade.core.accuracy import error_sources
-from winchcascade.core.rig_toml import built_in
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.run_record import reduction_record
 from winchcascade.reduction.uncertainty import uncertainty
@@ -38,7 +39,12 @@ METRICS = (
     "energy_gen",
     "power_gen",
 )
-SOURCES = [s for name, sensor in built_in().sensors.items() for s in error_sources(name, sensor)]
+RIG = calibrated_rig()
+TIMED = {name: msgspec.structs.replace(sensor, u_lag=0.0) for name, sensor in RIG.sensors.items()}
+RIG = msgspec.structs.replace(RIG, sensors=TIMED)
+"""Calibrated sensors that are read at once: the trials draw gains and zeros, and no lag."""
+
+SOURCES = [s for name, sensor in RIG.sensors.items() for s in error_sources(name, sensor)]
 CHANNELS = ("force", "torque", "vdc", "idc")
 CYCLES = 4
 
@@ -75,7 +81,7 @@ def scattered(channels: Channels, rng: np.random.Generator, scatter: float) -> C
 
 
 def compared(t: Signal, channels: Channels, name: str) -> ComparedRun:
-    reduction = reduce(run_of(t, channels), window=LENGTH)
+    reduction = reduce(run_of(t, channels), rig=RIG, window=LENGTH)
     record = reduction_record(reduction, uncertainty(reduction))
     return compared_run(record, name)
 
