@@ -529,8 +529,8 @@ class Rig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     inherited: frozenset[str] = frozenset()
 
     def states(self, *paths: str) -> bool:
-        """Whether some numbers, as `generator.k_e`, are known to be those of this very rig."""
-        return not self.assumed and self.inherited.isdisjoint(paths)
+        """Whether some numbers, as `generator.k_e`, come from no rig that this one is based on."""
+        return self.inherited.isdisjoint(paths)
 
     def __post_init__(self) -> None:
         """Reject parts and numbers of a rig that was made in Python, which no rig file may

@@ -40,9 +40,6 @@ MINUTES, DRAWS = 20.0, 40
 the posterior.
 """
 
-HOURS = 8766.0
-"""Hours of a year. [h]"""
-
 BINS = (0.5, 1.0)
 """Bins of wave height [m] and period [s] of a power matrix (IEC TS 62600-100)."""
 

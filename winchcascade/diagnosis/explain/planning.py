@@ -256,30 +256,30 @@ def explanation_of(found: Found, fit: Fit) -> Explanation:
 class Foreseen(NamedTuple):
     """What each of R planned runs will tell, beside unit priors of p numbers that are open.
 
-    `told` (R, 1 + p, 1 + p) are what the blocks tell of another explanation and of the open
+    `information` (R, 1 + p, 1 + p) are what the blocks tell of another explanation and of the open
     numbers: the squared distance of the explanation, that of the numbers towards it, and their
     information. `root` (k + q, p) are fields of the explanation and nuisances of the runs over the
     open numbers.
     """
 
-    told: Signal
+    information: Signal
     root: Signal
 
     def separation(self, chosen: Sequence[int]) -> float:
         """Standard deviations between the two explanations after some runs, to which the one has
         adapted.
         """
-        told = self.told[list(chosen)].sum(axis=0)
-        pull, known = told[1:, 0], np.eye(len(told) - 1) + told[1:, 1:]
-        return math.sqrt(max(float(told[0, 0] - pull @ np.linalg.solve(known, pull)), 0.0))
+        information = self.information[list(chosen)].sum(axis=0)
+        pull, known = information[1:, 0], np.eye(len(information) - 1) + information[1:, 1:]
+        return math.sqrt(max(float(information[0, 0] - pull @ np.linalg.solve(known, pull)), 0.0))
 
     def variance(self, chosen: Sequence[int], gradient: Signal) -> Signal:
         """Variance of numbers after some runs, (m,), by their derivative over fields and
         nuisances, (k + q, m).
         """
-        told, ways = self.told[list(chosen)].sum(axis=0), self.root.T @ gradient
+        information, ways = self.information[list(chosen)].sum(axis=0), self.root.T @ gradient
         return np.asarray(
-            np.sum(ways * np.linalg.solve(np.eye(len(ways)) + told[1:, 1:], ways), axis=0)
+            np.sum(ways * np.linalg.solve(np.eye(len(ways)) + information[1:, 1:], ways), axis=0)
         )
 
 

@@ -177,7 +177,7 @@ def with_extra(noise: Noise, blocks: Blocks, residual: Signal) -> Noise:
     return msgspec.structs.replace(noise, own=np.sqrt(noise.own**2 + extra[blocks.phase]))
 
 
-RESTLESS = 1.5
+IN_RAMPS = 1.5
 """Scatter of the blocks within slow ramps over their noise from which it is noise too. [1]"""
 
 
@@ -201,7 +201,7 @@ def with_ramps(noise: Noise, blocks: Blocks, residual: Signal, speed: Signal) ->
                 / 6.0
             )
             expected = np.mean(noise.total[of, k] ** 2)
-            extra[phase, k] = found - expected if found > RESTLESS**2 * expected else 0.0
+            extra[phase, k] = found - expected if found > IN_RAMPS**2 * expected else 0.0
     return msgspec.structs.replace(
         noise, own=np.sqrt(noise.own**2 + extra[blocks.phase] * ramps[:, None])
     )

@@ -106,8 +106,8 @@ def _known(data: Fitted, suspects: Suspects, fit: Fit) -> Known:
     prior = np.concatenate([fit.free.sd[inside_of(fit)] ** -2.0, np.ones(fit.nu.size)])
     information = Columns(data.whiten(moved), data.local).squared() / fit.scale
     first = by_field.shape[2]
-    told = 1.0 - np.diag(np.linalg.inv(information + np.diag(prior)))[first:]
-    prior[first:] /= _of_the_model(data, fit.nu, told)
+    determined = 1.0 - np.diag(np.linalg.inv(information + np.diag(prior)))[first:]
+    prior[first:] /= _of_the_model(data, fit.nu, determined)
     return Known(
         moved,
         np.linalg.inv(information + np.diag(prior)).astype(np.float64),
@@ -116,7 +116,7 @@ def _known(data: Fitted, suspects: Suspects, fit: Fit) -> Known:
     )
 
 
-def _of_the_model(data: Fitted, nu: Signal, told: Signal) -> Signal:
+def _of_the_model(data: Fitted, nu: Signal, determined: Signal) -> Signal:
     """Variance of each nuisance over the one that is allowed, (n,): of the discrepancy of the model
     as the fit finds it.
 
@@ -125,7 +125,7 @@ def _of_the_model(data: Fitted, nu: Signal, told: Signal) -> Signal:
 
     Parameters
     ----------
-    told : (n,) share of the allowed variance that the data determine
+    determined : (n,) share of the allowed variance that the data determine
     """
     found = np.ones(nu.size)
     cells: dict[tuple[str, str], list[int]] = {}
@@ -134,7 +134,7 @@ def _of_the_model(data: Fitted, nu: Signal, told: Signal) -> Signal:
             cells.setdefault((n.name, n.phase), []).append(j)
     for own in cells.values():
         found[own] = min(
-            (float(np.sum(nu[own] ** 2)) + 1.0) / (float(np.sum(told[own])) + 1.0), 1.0
+            (float(np.sum(nu[own] ** 2)) + 1.0) / (float(np.sum(determined[own])) + 1.0), 1.0
         )
     return found
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from winchcascade.core.accuracy import CERTAIN
 from winchcascade.core.integrate import median, median_and_error
-from winchcascade.core.quantity import TURN
+from winchcascade.core.quantity import TURN, Quantity
 from winchcascade.core.run import Signal
 from winchcascade.core.scales import SILICON
 from winchcascade.reduction.checks.at_rest import forces_at_rest
@@ -111,10 +111,10 @@ def power_of_shaft(log: PhasedLog) -> Bound | None:
     if means is None or not means.size or per_line is None or radius is None or log.idle:
         return None
     v, torque, v_dc, i_dc = means
-    mesh = 1.0 if train.eta_mesh is None else train.eta_mesh.value
-    copper = 0.0 if machine.r_s is None else 3.0 * machine.r_s.value * STATOR**2
-    damper = 0.0 if train.b_rotor is None else train.b_rotor.value
-    diode = SILICON if machine.v_diode is None else machine.v_diode.value
+    mesh = _stated(log, "drivetrain.eta_mesh", train.eta_mesh, 1.0)
+    copper = 3.0 * STATOR**2 * _stated(log, "generator.r_s", machine.r_s, 0.0)
+    damper = _stated(log, "drivetrain.b_rotor", train.b_rotor, 0.0)
+    diode = _stated(log, "generator.v_diode", machine.v_diode, SILICON)
     put, got = (
         torque * v / radius * mesh,
         (v_dc + 2.0 * diode + copper * i_dc) * i_dc + damper * (per_line * v) ** 2,
@@ -123,6 +123,12 @@ def power_of_shaft(log: PhasedLog) -> Bound | None:
         return None
     channels = (("torque", torque), ("vdc", v_dc), ("idc", i_dc))
     return Bound("more_than_shaft", "torque", got / put - 1.0, _u(log, channels), POWER)
+
+
+def _stated(log: PhasedLog, path: str, number: Quantity | None, other: float) -> float:
+    """A number that the file of the rig itself states, SI unit; another value in place of one that
+    it lacks or takes from the rig it is based on."""
+    return number.value if number is not None and log.rig.states(path) else other
 
 
 def peak_of_voltage(log: PhasedLog) -> Bound | None:
