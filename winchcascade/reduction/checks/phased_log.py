@@ -17,8 +17,10 @@ from winchcascade.core.cascade import ELECTRICAL, Power
 from winchcascade.core.integrate import largest
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run, Signal
+from winchcascade.ingest.checks.motion import MotionGain, Travel, gain_of
 from winchcascade.reduction.efficiency import ratio, runs_idle
 from winchcascade.reduction.energies import Energies
+from winchcascade.reduction.gap_error import all_gaps
 from winchcascade.reduction.phase_summary import PhaseSummary
 from winchcascade.reduction.phased_run import PhasedRun, span_end
 from winchcascade.reduction.reduction_result import CycleResult
@@ -131,6 +133,32 @@ class PhasedLog(msgspec.Struct, frozen=True, dict=True):
     def top_speed(self) -> float:
         """Largest smoothed speed of the line. [m/s]"""
         return largest(self.phased.v_smooth)
+
+    @cached_property
+    def travel(self) -> Travel | None:
+        """Measured velocity and displacement, without what was bridged; None where the log lacks
+        one of them, or its clock is wrong.
+        """
+        run, both = self.run, ("velocity", "displacement")
+        derived = any(
+            f.channel == "velocity" if f.kind == "derived_channel" else f.start is None
+            for f in run.findings
+            if f.kind in ("derived_channel", "clock_mismatch")
+        )
+        if run.simulated or derived or not run.channels.keys() >= {*both}:
+            return None
+        v, x = (run.channels[name] for name in both)
+        gaps = all_gaps(run, both)
+        if len(gaps):
+            v = v.copy()
+            for begin, end in gaps.tolist():
+                v[self.phased.rows(begin, end)][1:-1] = math.nan
+        return Travel(run.t, v, x, 1.0 / run.fs)
+
+    @cached_property
+    def motion_gain(self) -> MotionGain | None:
+        """Zero and gain of the velocity against the displacement."""
+        return None if self.travel is None else gain_of(self.travel, self.rig.thresholds)
 
     @cached_property
     def powers(self) -> dict[str, Power]:

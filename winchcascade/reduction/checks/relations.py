@@ -298,7 +298,7 @@ def _estimate(
         return None
     delay, u = _delay(log, law.y, known=known) if law.rotor else (0.0, 0.0)
     u_law, least = math.hypot(u, law.u * width), max(law.least * width, 1.0 / log.run.fs)
-    gain, u_gain = _gain(log, payouts, law)
+    gain, u_gain = _gain(log, law)
     return Relation(
         law.y,
         law.x,
@@ -312,25 +312,16 @@ def _estimate(
     )
 
 
-def _gain(log: PhasedLog, payouts: Payouts, law: Law) -> tuple[float | None, float | None]:
+def _gain(log: PhasedLog, law: Law) -> tuple[float | None, float | None]:
     """Travel of the displacement over that of the velocity, or Idc over Vdc / R, and its standard
     uncertainty; else None."""
-    ratios, load = np.empty(0), log.run.load
-    if law.law == "integral":
-        first = payouts.inside.argmax(axis=1)
-        ends = (
-            first[:, None]
-            + np.array([[0, 1]]) * (np.count_nonzero(payouts.inside, axis=1) - 1)[:, None]
-        )
-        moved, expected = (
-            np.ptp(np.take_along_axis(payouts.signals[name], ends, axis=1), axis=1)
-            for name in ("displacement", "travel")
-        )
-        ratios = moved / expected
-    elif law.law == "load" and load is not None and log.points.spans:
+    load, motion = log.run.load, log.motion_gain
+    if law.law == "integral" and motion is not None:
+        return 1.0 / motion.gain, motion.u_gain / motion.gain**2
+    if law.law == "load" and load is not None and log.points.spans:
         v_dc, i_dc = log.points.mean
-        ratios = i_dc * load / v_dc
-    return median_and_error(ratios) if ratios.size else (None, None)
+        return median_and_error(i_dc * load / v_dc)
+    return None, None
 
 
 def _of_rotor(log: PhasedLog) -> Known | None:
