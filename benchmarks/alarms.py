@@ -1,9 +1,10 @@
-"""How often each sign of a diagnosis rings on rigs of all sizes with nothing injected: python
-benchmarks/alarms.py --out FILE
+"""How often each sign of a diagnosis rings on rigs of all sizes where the right model is known:
+python benchmarks/alarms.py --out FILE
 
-Each campaign is judged with no suspect, so that what remains is the model of the rig file, noise
-and tolerances. A line of JSON for each is added to FILE, so that the run can be interrupted;
---score prints the table of what is there.
+In every second campaign nothing is injected, in the others one effect. The injected effect alone is
+suspected, so that what remains is noise, tolerances, and the law of the effect in another form. A
+line of JSON for each campaign is added to FILE, so that the run can be interrupted; --score prints
+the table of what is there.
 """
 
 from __future__ import annotations
@@ -22,23 +23,24 @@ from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.jobs import one_thread_each
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.judge.alarms import DUST, SIGNS
+from winchcascade.rig.effects.catalogue import EFFECTS
 
-FAMILY = "machines_nothing"
+FAMILIES = ("machines_nothing", "machines")
+"""Families of the campaigns, in turn."""
 
 
-def sizes_of(number: int) -> dict[str, float]:
-    """Largest comparison of each kind in one campaign over its limit. [1]"""
+def sizes_of(number: int) -> dict[str, list[list[float]]]:
+    """Size and limit of every comparison in one campaign, by kind of sign."""
     with tempfile.TemporaryDirectory() as folder:
-        case = plan_case(FAMILY, number)
+        case = plan_case(FAMILIES[number % 2], number)
         make_case(case, Path(folder))
         campaign = load_campaign(Path(folder) / case.family / case.name / "campaign.toml")
-        found = diagnose_listed(campaign, {})
+        found = diagnose_listed(campaign, {name: EFFECTS[name] for name in case.effects})
     if not isinstance(found, ModelDiagnosis):
         raise TypeError(f"{case.name}: expected a rig with a machine")
     return {
-        sign.kind: max(
-            (one.size / max(one.limit, DUST) for one in sign.of(found.judged)), default=0.0
-        )
+        sign.kind: [
+            [float(f"{one.size:.4g}"), float(f"{one.limit:.4g}")] for one in sign.of(found.judged)]
         for group in SIGNS
         for sign in group
     }
