@@ -22,7 +22,7 @@ from winchcascade.batch.campaign_diagnosis import diagnose_listed
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.jobs import one_thread_each
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.judge.alarms import DUST, SIGNS
+from winchcascade.diagnosis.judge.alarms import SIGNS
 from winchcascade.rig.effects.catalogue import EFFECTS
 
 FAMILIES = ("machines_nothing", "machines")
@@ -40,7 +40,8 @@ def sizes_of(number: int) -> dict[str, list[list[float]]]:
         raise TypeError(f"{case.name}: expected a rig with a machine")
     return {
         sign.kind: [
-            [float(f"{one.size:.4g}"), float(f"{one.limit:.4g}")] for one in sign.of(found.judged)]
+            [float(f"{one.size:.4g}"), float(f"{one.limit:.4g}")] for one in sign.of(found.judged)
+        ]
         for group in SIGNS
         for sign in group
     }

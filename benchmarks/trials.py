@@ -22,21 +22,14 @@ from functools import cache, partial
 from pathlib import Path
 
 import msgspec
+from campaigns import PLAIN, Case, draw, truth_of, write_campaign
 from families import ALL_COVERED, BASED, FAMILIES, Bar, Figure, plan_case, threshold_case
+from owner_simulators import noise_free
 
 from winchcascade.batch.campaign_diagnosis import diagnose_campaign
-from winchcascade.blind.cases import (
-    PLAIN,
-    STATED_LOADS,
-    Case,
-    draw,
-    truth_of,
-    write_campaign,
-    write_log,
-)
+from winchcascade.blind.cases import STATED_LOADS, write_log
 from winchcascade.blind.injected import Hidden
 from winchcascade.blind.judge import CaseScore, Diagnosis, judge
-from winchcascade.blind.simulators import noise_free
 from winchcascade.blind.truth import TRUTH_FILE
 from winchcascade.blind.twin import Solved, Twin, draw_motion, read_log, solve_twin
 from winchcascade.core.files import json_bytes, scratch_folder
