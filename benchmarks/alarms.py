@@ -41,6 +41,9 @@ SHARE = 0.0075
 """Share of the campaigns in which a sign of the residual may ring: with four of these, and energies
 and efficiencies at `FALSE_ALARM` each, 5 % together. [1]"""
 
+OF_NOISE = ("noise", "noise and model")
+"""Units of signs whose sizes are ratios; the others are in standard uncertainties or shares."""
+
 Sizes = dict[str, list[tuple[float, float]]]
 """Size and limit of every comparison, by kind of sign."""
 
@@ -90,20 +93,26 @@ def table(lines: Sequence[Line]) -> str:
         limit = max((limit for own in each for _, limit in own), default=math.nan)
         rows.append(
             f"{sign.kind:<12}{rings.mean():8.1%}{ends.low:8.1%} to {ends.high:5.1%}"
-            f"{np.median(largest):8.2f}{largest.max():8.2f}{limit:8.2f}{passed(largest):8.2f}"
+            f"{np.median(largest):8.2f}{largest.max():8.2f}{limit:8.2f}{passed(largest, ratio=sign.unit in OF_NOISE):8.2f}"
         )
     return "\n".join([*rows, f"any of {len(lines)} campaigns: {rang.mean():.1%}"])
 
 
-def passed(largest: Signal) -> float:
+def passed(largest: Signal, *, ratio: bool) -> float:
     """Size that the largest comparison of a campaign passes with the probability `SHARE`, by the
-    distribution of largest values of its logarithm (Gumbel 1958), by moments.
+    distribution of largest values (Gumbel 1958), by moments.
+
+    Parameters
+    ----------
+    ratio : whether the sizes scatter by factors, so that their logarithm has this distribution
     """
-    x = np.log(largest[largest > 0.0])
+    own = largest[largest > 0.0]
+    x = np.log(own) if ratio else own
     if x.size < 2:
         return math.nan
     width = float(np.std(x, ddof=1)) * math.sqrt(6.0) / math.pi
-    return math.exp(float(x.mean()) - width * (np.euler_gamma + math.log(-math.log1p(-SHARE))))
+    end = float(x.mean()) - width * (np.euler_gamma + math.log(-math.log1p(-SHARE)))
+    return math.exp(end) if ratio else end
 
 
 def main() -> None:
