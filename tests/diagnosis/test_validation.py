@@ -145,12 +145,12 @@ def test_the_uncertainty_of_the_inputs_is_what_the_rig_file_states() -> None:
     """What a fit allows a number beside that is an error of the model."""
     found = diagnosed("nothing")
     data, nothing = found.data, np.zeros(len(found.data.nuisances))
-    stated = [stated_share(data.rig, n) for n in data.nuisances]
-    of_inputs = np.flatnonzero(stated)
+    shares = [stated_share(data.rig, n) for n in data.nuisances]
+    of_inputs = np.flatnonzero(shares)
     for k in range(len(LOGS)):
         (stated, *moved) = (
             true_metrics(found, k, data.models(nu, [])[k])
-            for nu in (nothing, *np.diag(stated)[of_inputs])
+            for nu in (nothing, *np.diag(shares)[of_inputs])
         )
         u = np.sqrt(sum((one - stated) ** 2 for one in moved))
         for one in (one for one in found.validation if one.log == k):
