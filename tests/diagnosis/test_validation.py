@@ -14,12 +14,12 @@ from rigs import calibrated_rig
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.explain.contributions import (
-    INPUTS,
     covariance_without,
     joint_covariance,
 )
 from winchcascade.diagnosis.explain.validation import Compared
 from winchcascade.diagnosis.explain.windowed import QUANTITIES, quantities_of, windowed
+from winchcascade.diagnosis.fit.nuisances import stated_share
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.report.results.diagnosis_record import as_json
@@ -141,14 +141,16 @@ def test_only_what_a_found_error_moves_takes_its_uncertainty(misread: ModelDiagn
         )
 
 
-def test_the_uncertainty_of_the_inputs_is_that_of_the_tolerances_of_the_rig() -> None:
+def test_the_uncertainty_of_the_inputs_is_what_the_rig_file_states() -> None:
+    """What a fit allows a number beside that is an error of the model."""
     found = diagnosed("nothing")
     data, nothing = found.data, np.zeros(len(found.data.nuisances))
-    of_inputs = [j for j, n in enumerate(data.nuisances) if n.kind in INPUTS]
+    shares = [stated_share(data.rig, n) for n in data.nuisances]
+    of_inputs = np.flatnonzero(shares)
     for k in range(len(LOGS)):
         (stated, *moved) = (
             true_metrics(found, k, data.models(nu, [])[k])
-            for nu in (nothing, *np.eye(nothing.size)[of_inputs])
+            for nu in (nothing, *np.diag(shares)[of_inputs])
         )
         u = np.sqrt(sum((one - stated) ** 2 for one in moved))
         for one in (one for one in found.validation if one.log == k):

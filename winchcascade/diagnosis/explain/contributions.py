@@ -39,6 +39,7 @@ from winchcascade.diagnosis.fit.covariance import covariance_of
 from winchcascade.diagnosis.fit.evidence import inside_of
 from winchcascade.diagnosis.fit.fit_set import columns_of
 from winchcascade.diagnosis.fit.misfit import Fitted, log_of
+from winchcascade.diagnosis.fit.nuisances import stated_share
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.suspects import Suspects, varied
 from winchcascade.diagnosis.judge.causes import COVERED
@@ -177,9 +178,9 @@ def account_of(
     after = np.zeros_like(slopes[0])
     after[variants.places] = by_field
     after[first : first + data.simulated] = by_input
-    u_input = np.sqrt(
-        np.maximum([np.sum(by_input**2, axis=0), np.sum(after * (of_inputs @ after), axis=0)], 0.0)
-    )
+    stated = np.array([stated_share(data.rig, n) for n in data.nuisances[: data.simulated]])
+    before = np.sum((stated[:, None] * by_input) ** 2, axis=0)
+    u_input = np.sqrt(np.maximum([before, np.sum(after * (of_inputs @ after), axis=0)], 0.0))
     (shares, drawn), measured = (
         split(subsets, causes),
         quantities_of(one.log.run, one.rig, one.windows),

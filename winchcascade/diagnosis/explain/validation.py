@@ -22,6 +22,7 @@ import numpy as np
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.explain.contributions import INPUTS, MOVED, joint_covariance
 from winchcascade.diagnosis.explain.windowed import QUANTITIES, WindowedLog, quantities_of, windowed
+from winchcascade.diagnosis.fit.nuisances import SKEW
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.suspects import varied
 from winchcascade.diagnosis.judge.causes import COVERED
@@ -33,6 +34,7 @@ from winchcascade.rig.simulate import simulate
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
+    from winchcascade.core.accuracy import ErrorSource
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.fit.evidence import Fit
     from winchcascade.diagnosis.fit.misfit import Fitted
@@ -240,17 +242,29 @@ def _of_the_data(one: WindowedLog, read: Read) -> dict[str, float]:
         return {}
     made = budget(one.reduction)
     kept = [
-        row
+        (row, _of_a_lag(row.source, one.log.run.fs))
         for row in made.rows
         if row.source is None or (row.source.channel, row.source.part) not in read.parts
     ]
     return {
         name: math.hypot(
-            float(read.u[QUANTITIES.index(name)]), *(row.of[name] or 0.0 for row in kept)
+            float(read.u[QUANTITIES.index(name)]),
+            *(share * (row.of[name] or 0.0) for row, share in kept),
         )
         for name in METRICS
         if made.sensors[name] is not None
     }
+
+
+def _of_a_lag(source: ErrorSource | None, fs: float) -> float:
+    """Share of an uncertainty that remains beside a fit. [1]
+
+    A fit takes the channels of a logger as read within `SKEW` of a sample of each other, and names
+    a larger lag as an effect; a log alone leaves more open.
+    """
+    if source is None or source.basis != "relation":
+        return 1.0
+    return min(math.sqrt(2.0) * SKEW / (fs * source.u), 1.0)
 
 
 def _numerical(data: Fitted, one: WindowedLog) -> Signal:
