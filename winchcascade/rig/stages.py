@@ -77,7 +77,7 @@ class Along(msgspec.Struct, frozen=True):
         return np.abs(self.v) > MOVING * self.motion.rest
 
 
-class Drive(msgspec.Struct, frozen=True):
+class DriveCourse(msgspec.Struct, frozen=True):
     """Speed of the generator while the clutch is engaged [rpm], DC voltage [V], currents of the
     load and of the bridge, which charges the capacitor too [A], (n,) each; NaN where Vdc or Idc is
     not logged.
@@ -154,18 +154,18 @@ def _seen(run: Run, model: Model) -> dict[str, Signal]:
     return {name: model.sensors.corrected(name, run.t, x) for name, x in run.channels.items()}
 
 
-def drive_along(run: Run, model: Model, course: Along) -> Drive:
+def drive_along(run: Run, model: Model, course: Along) -> DriveCourse:
     """Speed, voltage and currents of the machine along a log."""
     seen, unknown = _seen(run, model), np.full(run.t.size, np.nan)
     rpm = course.v / model.r_motion * model.drivetrain.gear * RPM
     if "vdc" not in seen:
-        return Drive(rpm, unknown, unknown, unknown)
+        return DriveCourse(rpm, unknown, unknown, unknown)
     bleed, with_capacitor = dc_currents(run, model, seen["vdc"], course.ramp)
     i_load = bleed if run.open_circuit else seen.get("idc", unknown)
-    return Drive(rpm, seen["vdc"], i_load, i_load + (with_capacitor - bleed))
+    return DriveCourse(rpm, seen["vdc"], i_load, i_load + (with_capacitor - bleed))
 
 
-def power_per_output(model: Model, course: Along, drive: Drive) -> dict[Stage, Signal]:
+def power_per_output(model: Model, course: Along, drive: DriveCourse) -> dict[Stage, Signal]:
     """Power that flows out of a stage, over its output in `outputs_along`, (n,) each [W over the
     unit of the channel].
 
@@ -218,7 +218,7 @@ def _torque_of_line(model: Model, course: Along, force: Signal, pressure: Signal
     )
 
 
-def _torque_of_shaft(model: Model, course: Along, drive: Drive) -> Signal:
+def _torque_of_shaft(model: Model, course: Along, drive: DriveCourse) -> Signal:
     """Torque of the PTO shaft that the fast shaft needs, (n,) [N m]; in haul-in that of the open
     clutch.
 
@@ -245,7 +245,7 @@ def _torque_of_shaft(model: Model, course: Along, drive: Drive) -> Signal:
     return torque
 
 
-def _voltage(model: Model, course: Along, drive: Drive) -> Signal:
+def _voltage(model: Model, course: Along, drive: DriveCourse) -> Signal:
     """DC voltage at which the machine gives the current of the bridge, (n,) [V]."""
     known = course.engaged & (drive.rpm > rpm_min(drive.rpm)) & (drive.i_bridge > 0.0)
     known &= drive.i_bridge > CONDUCTING * np.maximum(drive.i_load, 0.0)

@@ -40,7 +40,7 @@ from winchcascade.diagnosis.stages.stage_laws import (
     laws_beside_model,
 )
 from winchcascade.diagnosis.stages.stage_rows import (
-    WHOLE,
+    EVERY_SAMPLE,
     PathSamples,
     StageData,
     data_of,
@@ -48,13 +48,13 @@ from winchcascade.diagnosis.stages.stage_rows import (
 )
 from winchcascade.rig import physics
 from winchcascade.rig.effects.catalogue import EFFECTS
-from winchcascade.rig.parts import changed
-from winchcascade.rig.stages import Drive, Stage, drive_along, power_per_output
+from winchcascade.rig.parts import ELECTRICAL, changed
+from winchcascade.rig.stages import Stage, drive_along, power_per_output
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
-    from winchcascade.core.run import Signal
+    from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
     from winchcascade.diagnosis.diagnosis_result import NamedCause
     from winchcascade.diagnosis.fit.misfit import Fitted
@@ -70,7 +70,7 @@ CHANNEL_OF: dict[Stage, str] = {
 }
 """Channel that the output of each stage is."""
 
-ENDS: dict[Stage, tuple[str, str]] = {
+STAGE_ENDS: dict[Stage, tuple[str, str]] = {
     "restoring": ("line", "gas"),
     "transmission": ("line", "mech"),
     "gearbox": ("mech", "air gap"),
@@ -89,8 +89,8 @@ MORE = 0.01
 PHASES_IN_SERIES = 2.0
 """Phases that a direct current flows through. [1]"""
 
-ELECTRICAL = ("vdc", "idc")
-"""Channels that a logger may read late together."""
+LATE = "late"
+"""Name of the lag of voltage and current, which a logger reads together, among slopes of a gap."""
 
 
 @linear_algebra_on_one_thread()
@@ -132,15 +132,17 @@ def data_beside_model(
     several: list[tuple[Deviations, dict[Stage, PathSamples]]] = []
     for k, log in enumerate(data.logs):
         made = deviations(data, k, {j: models[k] for j, models in moved.items()})
-        several.append((made, dict(_samples(data, k, made))))
+        several.append((made, _samples(data, k, made)))
         if not several[k][1]:
             raise LogError(
                 f"{log.run.name}: no stage has its inputs and its output logged; laws of stages "
                 f"need pressure, or torque beside tension or voltage. Log them, or leave the log "
                 f"out."
             )
-    stages = [stage for stage in ENDS if any(stage in own for _, own in several)]
-    paths = tuple(StagePath(*(Place(end, ()) for end in ENDS[stage]), at=stage) for stage in stages)
+    stages = [stage for stage in STAGE_ENDS if any(stage in own for _, own in several)]
+    paths = tuple(
+        StagePath(*(Place(end, ()) for end in STAGE_ENDS[stage]), at=stage) for stage in stages
+    )
     first = [next(own[stage] for _, own in several if stage in own).signals for stage in stages]
     axes = tuple(axes_of(one.signals) for one in first)
     laws = laws_beside_model(first, paths, data.rig, EFFECTS)
@@ -158,58 +160,58 @@ def data_beside_model(
     return data_of(runs, data.withheld, paths, laws, axes, tables), np.concatenate(caused)
 
 
-def _read(made: Deviations, model: Model) -> Iterator[tuple[str, float, dict[str, Signal]]]:
-    """Channel of each sensor, an error of its zero, and the gaps of the stages with it."""
-    for channel in (name for name in CHANNELS if name in made.run.channels):
-        error = MISREAD * (float(np.max(np.abs(made.run.channels[channel]))) or 1.0)
-        yield channel, error, gaps_of(misread(made.run, channel, "zero", error), model, made.path)
+def _slopes(made: Deviations, model: Model) -> dict[str, dict[str, Signal]]:
+    """Change of the gap of each stage over the zero of each sensor, by channel, and over the lag of
+    voltage and current, by `LATE`, (n,) each.
+    """
+    run, found, late = made.run, dict[str, tuple[float, Run]](), made.run
+    for channel in (name for name in CHANNELS if name in run.channels):
+        error = MISREAD * (float(np.max(np.abs(run.channels[channel]))) or 1.0)
+        found[channel] = error, misread(run, channel, "zero", error)
+        if channel in ELECTRICAL:
+            late = misread(late, channel, "timing", 1.0 / run.fs)
+    found[LATE] = 1.0 / run.fs, late
+    return {
+        name: {stage: (x - made.gaps[stage]) / error for stage, x in gaps.items()}
+        for name, (error, other) in found.items()
+        for gaps in [gaps_of(other, model, made.path)]
+    }
 
 
-def _late(made: Deviations, model: Model) -> dict[str, Signal]:
-    """Gaps of the stages where voltage and current are read a sample late."""
-    run = made.run
-    for channel in (name for name in ELECTRICAL if name in run.channels):
-        run = misread(run, channel, "timing", 1.0 / run.fs)
-    return gaps_of(run, model, made.path)
-
-
-def _samples(data: Fitted, number: int, made: Deviations) -> Iterator[tuple[Stage, PathSamples]]:
+def _samples(data: Fitted, number: int, made: Deviations) -> dict[Stage, PathSamples]:
     """The stages of a log: powers, signals of their laws, and what is known."""
-    run, model, path = made.run, data.nominal, made.path
-    drive, none = drive_along(run, model, path), np.zeros(run.t.size)
-    wrong, late = list(_read(made, model)), _late(made, model)
-    uncertain = [n for n in data.nuisances if n.kind in (*MODELLED, *READ)]
-    for stage, per in power_per_output(model, path, drive).items():
-        if stage not in made.gaps:
-            continue
-        gap, power = made.gaps[stage], np.abs(per) * run.channels[CHANNEL_OF[stage]]
+    slopes, signals = _slopes(made, data.nominal), _signals(made, data.nominal)
+    found = {}
+    for stage in (stage for stage in STAGE_ENDS if stage in made.gaps):
+        per, gap = _per_output(made, data.nominal, stage), made.gaps[stage]
+        power = np.nan_to_num(np.abs(per) * made.run.channels[CHANNEL_OF[stage]])
         beyond = per * (gap - made.of_laws[stage])
-
-        def moved(
-            changed: Mapping[str, Signal], stage: str = stage, per: Signal = per, gap: Signal = gap
-        ) -> Signal:
-            return np.nan_to_num(per * (changed[stage] - gap))
-
-        zeros = {channel: moved(changed) / error for channel, error, changed in wrong}
+        added = np.nan_to_num(beyond)
+        ends = (power, power + added) if stage == "gearbox" else (power - added, power)
+        by = {name: np.nan_to_num(per * slope[stage]) for name, slope in slopes.items()}
+        signals[stage]["late"] = -by.pop(LATE)
         # with its noise in the column of a gain, a fit would shrink a reading to shrink its noise
-        gains = {channel: zero * made.simulated[channel] for channel, zero in zeros.items()}
-        signals = _signals(made, model, drive)[stage] | {"late": -run.fs * moved(late)}
-        ends = (power, power + beyond) if stage == "gearbox" else (power - beyond, power)
-        known = [moved(made.moved[n]) if n in made.moved else none for n in uncertain]
-        yield (
-            stage,
-            PathSamples(
-                StageSignals(
-                    run.t, *map(np.nan_to_num, ends), signals, {"gain": gains, "zero": zeros}
-                ),
-                np.isfinite(beyond) & path.moves,
-                WHOLE,
-                [*known, *_discrepancies(data, number, made, stage, per)],
-            ),
+        gains = {channel: x * made.simulated[channel] for channel, x in by.items()}
+        known = [
+            np.nan_to_num(per * (made.moved[n][stage] - gap)) if n in made.moved else 0.0 * power
+            for n in data.nuisances
+            if n.kind in (*MODELLED, *READ)
+        ]
+        found[stage] = PathSamples(
+            StageSignals(made.run.t, *ends, signals[stage], {"gain": gains, "zero": by}),
+            np.isfinite(beyond) & made.path.moves,
+            EVERY_SAMPLE,
+            [*known, *_discrepancies(data, number, made, stage, per)],
         )
+    return found
 
 
-def _signals(made: Deviations, model: Model, drive: Drive) -> dict[Stage, dict[str, Signal]]:
+def _per_output(made: Deviations, model: Model, stage: Stage) -> Signal:
+    """Power over the output of a stage of a log, (n,)."""
+    return power_per_output(model, made.path, drive_along(made.run, model, made.path))[stage]
+
+
+def _signals(made: Deviations, model: Model) -> dict[Stage, dict[str, Signal]]:
     """Signals that the laws of each stage are made of, (n,) each in SI units."""
     path, channels = made.path, made.run.channels
     omega = path.v / model.r_motion
@@ -233,6 +235,7 @@ def _signals(made: Deviations, model: Model, drive: Drive) -> dict[Stage, dict[s
         torque = channels["torque"]
         found["gearbox"] = {"speed": omega, "torque": torque, "power": np.abs(torque * omega)}
     if "generator" in made.gaps:
+        drive = drive_along(made.run, model, path)
         field = physics.RECTIFIED * model.generator.k_e * drive.rpm * drive.i_bridge
         found["generator"] = {"field": np.nan_to_num(field)}
     more = changed(model, "generator.r_s", "add", MORE * model.generator.r_s)
@@ -254,7 +257,7 @@ def _discrepancies(
     blocks, courses = made.blocks, data.logs[number].courses[:, CHANNELS.index(CHANNEL_OF[stage])]
     count = blocks.stop - blocks.start
     samples = np.repeat(blocks.start - np.cumsum(count) + count, count) + np.arange(count.sum())
-    for other in ENDS:
+    for other in STAGE_ENDS:
         for phase in range(len(PHASES)):
             for course in courses.T * (blocks.phase == phase):
                 watts = np.zeros(per.size)
@@ -265,8 +268,7 @@ def _discrepancies(
 
 def _caused(made: Deviations, model: Model, others: Sequence[Model], stage: Stage) -> list[Signal]:
     """Power that each of some models gives beyond the nominal one at a stage, (n,) each. [W]"""
-    drive = drive_along(made.run, model, made.path)
-    per = power_per_output(model, made.path, drive)[stage]
+    per = _per_output(made, model, stage)
     return [
         np.nan_to_num(per * (made.gaps[stage] - gaps_of(made.run, other, made.path)[stage]))
         for other in others

@@ -52,7 +52,7 @@ ringing of the shaft, shorter than an acceleration. [1]"""
 MIN_BLOCKS = 30
 """Minimum number of blocks of a log of a winch: five for each of its laws."""
 
-HALF, WHOLE = 0.5 + 1e-9, 1.0 - 1e-9
+MAJORITY, EVERY_SAMPLE = 0.5 + 1e-9, 1.0 - 1e-9
 """Shares of the samples of a block that are more than half of it, and all. [1]"""
 
 NOTHING = np.zeros(0)
@@ -305,12 +305,15 @@ def _samples_of(
     """
     clutched = rig.drivetrain.one_way_clutch and "velocity" in run.channels
     for k, path in enumerate(paths):
-        one, share = stage_signals(run, rig, path), HALF
+        one, share = stage_signals(run, rig, path), MAJORITY
         good = _logged(run, rig, path) & np.isfinite(one.power_in + one.power_out)
         if clutched and path.into.name != "line":
             cycles = reduce(run, rig=rig).complete
             plateaus = [cycle.summary.payout.plateau for cycle in cycles]
-            good, share = good & engaged(run, [c.phases for c in cycles], plateaus, rig), WHOLE
+            good, share = (
+                good & engaged(run, [c.phases for c in cycles], plateaus, rig),
+                EVERY_SAMPLE,
+            )
         known = _known(run, rig, one, laws, k, number)
         stated = [
             law.stated.value * one.column(law.law)

@@ -75,8 +75,8 @@ from winchcascade.report.results.diagnosis_parts import (
     step_tile,
     verdict_tile,
 )
+from winchcascade.report.results.laws_beside_model import stage_laws_section
 from winchcascade.report.results.stage_diagnosis import stage_report
-from winchcascade.report.results.stage_laws import stage_laws_section
 from winchcascade.report.results.validation_report import validation_section
 from winchcascade.report.wording import banner, load_words
 from winchcascade.rig.effects.effect import Display, Parameter

@@ -25,7 +25,7 @@ from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report.diagnosis_names import about_words, files_of, items_of, origins_of
 from winchcascade.report.results import diagnosis_sentences as sentences
-from winchcascade.report.results.stage_laws import stage_laws_record
+from winchcascade.report.results.laws_beside_model import stage_laws_record
 from winchcascade.rig.parts import path_in_rig
 
 SCHEMA = "winchcascade/diagnosis/1"
