@@ -78,6 +78,7 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.fit.suspects import Suspects
+    from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
     from winchcascade.rig.effects.effect import ActiveEffect
 
 
@@ -92,7 +93,7 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     with the model. `thresholds` are how large each effect would have to be to be named, where none
     is, and `not_visible` those that these logs would not show at any plausible size. `singles` are
     the effects that alone have the most evidence, `undetermined` directions of the numbers of the
-    rig that no log shows.
+    rig that no log shows. `by_laws` are the laws of its stages beside it, where they are wanted.
     """
 
     data: Fitted
@@ -109,6 +110,7 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     not_visible: Names = ()
     singles: tuple[SingleEffect, ...] = ()
     undetermined: tuple[Direction, ...] = ()
+    by_laws: StageDiagnosis | None = None
 
     @property
     def judged(self) -> Judged:

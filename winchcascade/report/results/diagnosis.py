@@ -75,6 +75,7 @@ from winchcascade.report.results.diagnosis_parts import (
     step_tile,
     verdict_tile,
 )
+from winchcascade.report.results.laws_beside_model import stage_laws_section
 from winchcascade.report.results.stage_diagnosis import stage_report
 from winchcascade.report.results.validation_report import validation_section
 from winchcascade.report.wording import banner, load_words
@@ -111,6 +112,7 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
         points=_points(found),
         sections=[
             section("causes", "Causes", causes_table(found), candidates_table(found)),
+            stage_laws_section(found),
             _own_simulation(found),
             section("next", "Next run", note_of(words.experiment_words(found))),
             section(

@@ -25,6 +25,7 @@ from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report.diagnosis_names import about_words, files_of, items_of, origins_of
 from winchcascade.report.results import diagnosis_sentences as sentences
+from winchcascade.report.results.laws_beside_model import stage_laws_record
 from winchcascade.rig.parts import path_in_rig
 
 SCHEMA = "winchcascade/diagnosis/1"
@@ -134,7 +135,7 @@ def as_json(found: DiagnosisResult) -> dict[str, Any]:
         "next_experiment": _experiment(found),
     }
     if isinstance(found, ModelDiagnosis):
-        record |= _model_record(found)
+        record |= _model_record(found) | stage_laws_record(found)
     elif isinstance(found, StageDiagnosis):
         record |= _line_record(found)
     digits = {"contributions": SUMMED, "remainder": ALL, "posterior": ALL}
