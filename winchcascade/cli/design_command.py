@@ -16,6 +16,7 @@ from winchcascade.cli.options import (
     with_options,
 )
 from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present
+from winchcascade.cli.progress import status_line
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import one_thread_each, processes, set_threads
 
@@ -60,7 +61,6 @@ def design_command(
     from winchcascade.core.files import write_content
     from winchcascade.design.design import Limits, check_options, design
     from winchcascade.report.results.design_report import design_record, design_report, schedule_csv
-    from winchcascade.report.screen import status_line
 
     outputs.check([source, motion, rig])
     set_threads(threads or processes())
@@ -146,7 +146,6 @@ def plan_command(
     from winchcascade.batch.campaign_design import planned_from
     from winchcascade.design.operating import require_positive
     from winchcascade.report.results.plan_report import plan_record, plan_report
-    from winchcascade.report.screen import status_line
 
     outputs.check([source, rig])
     set_threads(threads or processes())
