@@ -32,9 +32,6 @@ from winchcascade.core.jobs import one_thread_each, processes, set_threads
     loads=option("--loads", "OHM,...", "Loads of the map [ohm]; by default those of the campaign.", EVALUATION),
     speeds=option("--speeds", "MPS,...", "Line speeds of the map [m/s]; by default up to the "
                                          "fastest logged.", EVALUATION),
-    current_limit=option("--current-limit", "A", "Largest stator current, rms [A].", EVALUATION),
-    speed_limit=option("--speed-limit", "RPM", "Largest speed of the generator [rpm].", EVALUATION),
-    tension_limit=option("--tension-limit", "N", "Largest line tension [N].", EVALUATION),
     csv=option("--csv", "FILE", "Write the schedule for a controller: speeds, load, domain and "
                                 "verdict.", OUTPUTS),
 )  # fmt: skip

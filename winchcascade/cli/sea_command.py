@@ -45,9 +45,6 @@ if TYPE_CHECKING:
     compare=option("--compare", "", "Compare with the best load of each sea and the schedule of "
                                     "`design`.", EVALUATION),
     draws=option("--draws", "N", "Draw N rigs for the bands; 40 by default.", EVALUATION, minimum=0),
-    current_limit=option("--current-limit", "A", "Largest stator current, rms [A].", EVALUATION),
-    speed_limit=option("--speed-limit", "RPM", "Largest speed of the generator [rpm].", EVALUATION),
-    tension_limit=option("--tension-limit", "N", "Largest line tension [N].", EVALUATION),
     csv=option("--csv", "FILE", "Write the mean power of each sea with its band, domain and "
                                 "verdict.", OUTPUTS),
 )  # fmt: skip
