@@ -16,7 +16,9 @@ from winchcascade import baseline, read_run, simulate
 from winchcascade.blind.score import count
 from winchcascade.core import accuracy
 from winchcascade.core.campaign_file import load_campaign
-from winchcascade.core.rig_file import PARTS, ModelAccuracy, PhaseRule, Thresholds, measures
+from winchcascade.core.machine_parts import measures
+from winchcascade.core.phase_rule import PhaseRule
+from winchcascade.core.rig_file import PARTS, ModelAccuracy, Thresholds
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import FindingKind
 from winchcascade.core.toml_file import struct_fields

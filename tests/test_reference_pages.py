@@ -15,8 +15,10 @@ import winchcascade
 from winchcascade.blind.truth import Truth
 from winchcascade.core.campaign_file import CampaignRun
 from winchcascade.core.channels import CHANNELS
+from winchcascade.core.machine_parts import measures
+from winchcascade.core.phase_rule import PhaseSource
 from winchcascade.core.quantity import find_unit, read_as
-from winchcascade.core.rig_file import PARTS, PhaseSource, Sensor, measures
+from winchcascade.core.rig_file import PARTS, Sensor
 from winchcascade.core.rig_toml import parse_rig
 from winchcascade.core.run import FindingKind
 from winchcascade.core.toml_file import struct_fields

@@ -125,9 +125,8 @@ def run_batch(
                 _write_result(runs, name, outcome.value)
                 continue
             faults[name] = outcome.fault or ""
-            if outcome.rejected and fingerprint(
-                todo[name].path
-            ):  # one that cannot be read now may count again
+            # One that cannot be read now may count again.
+            if outcome.rejected and fingerprint(todo[name].path):
                 for ending in ENDINGS:
                     (runs / f"{name}.{ending}").unlink(missing_ok=True)
         batch = Batch(
@@ -146,7 +145,7 @@ def run_batch(
 
 def result_of(work: Work, reports: Sequence[str]) -> Output:
     """The record of a log and its reports, as they would be made now."""
-    key = result_key(work, fingerprint(work.path))
+    key = result_key(work, work.fingerprint)
     return Output(f"{work.name}.json", ENTRY, key, tuple(reports), f"{work.name}.")
 
 

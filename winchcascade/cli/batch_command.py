@@ -13,6 +13,7 @@ from msgspec.structs import replace
 
 from winchcascade.cli.options import INPUT, OUTPUTS, check_load, option, with_options
 from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present, show
+from winchcascade.cli.progress import Progress, status_line
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Workers, one_thread_each, processes
 from winchcascade.core.store import (
@@ -66,7 +67,6 @@ def batch_command(
     from winchcascade.batch.plan import make_plan, without_campaign
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.reduction.reduce import window_rule
-    from winchcascade.report.screen import Progress
 
     if reports not in REPORTS:
         raise OptionError(f"--reports {reports}: expected none, html or all.")
@@ -82,7 +82,7 @@ def batch_command(
         Products(REPORTS[reports], excel, given_command()),
         Workers(jobs or processes(), scheduler),
     )
-    with Progress(plan.title) as watch:
+    with Progress(plan.title, keeps=out) as watch:
         batch = run_batch(plan, out, products, workers=workers, force=outputs.force, watch=watch)
     no_campaign = [] if load_ohm else without_campaign(targets)
     _present(batch, outputs.without("loss_map"), drafted_by=no_campaign)
@@ -206,7 +206,6 @@ def demo_command(
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.report.content import Report
     from winchcascade.report.results.diagnosis_words import diagnosis_note
-    from winchcascade.report.screen import Progress, status_line
 
     campaign, results, count = (
         copy_campaign(out / "campaign", force=force),
@@ -217,7 +216,7 @@ def demo_command(
     products = Products(REPORTS["all"], workbook=True, command=given_command())
     diagnosis = diagnosis_output(campaign)
     kept = not force and state_of(results, diagnosis).kept
-    with Progress(plan.title) as watch:
+    with Progress(plan.title, keeps=out) as watch:
         batch = run_batch(plan, results, products, workers=Workers(count), force=force, watch=watch)
     _present(batch)
     if not kept:

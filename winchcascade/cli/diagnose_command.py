@@ -10,6 +10,7 @@ from msgspec.structs import replace
 
 from winchcascade.cli.options import EVALUATION, option, with_options
 from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present
+from winchcascade.cli.progress import status_line
 from winchcascade.core.campaign_file import Campaign, load_campaign
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import is_marked
@@ -70,7 +71,6 @@ def diagnose_command(
     from winchcascade.diagnosis.handover.model_export import check_export
     from winchcascade.diagnosis.stages.beside_model import beside_model
     from winchcascade.report.results.diagnosis_record import as_json as diagnosis_record
-    from winchcascade.report.screen import status_line
     from winchcascade.rig.effects.catalogue import suspected
 
     suspects, listed = suspected(suspect or ()), _listed(campaign, simulated)

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, TextIO
 
 import msgspec
 
+from winchcascade.cli.progress import status_line
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import check_replaceable, json_bytes, write_content
 from winchcascade.core.plain_text import json_without_commands, lines, printable
 from winchcascade.core.store import make_one
-from winchcascade.report.screen import QUIET, painted, status_line
+from winchcascade.report.screen import QUIET, painted
 
 if TYPE_CHECKING:
     from winchcascade.report.content import Report

@@ -85,12 +85,13 @@ def _one_log(logs: Sequence[Path]) -> Path:
 
 
 def _stated(reduction: Reduction, found: Uncertainty, mapped: LossMap | None) -> Report:
-    from winchcascade.report.results.loss_map_report import loss_map_section
     from winchcascade.report.results.reduction import reduction_report
 
-    return reduction_report(
-        reduction, found, more={} if mapped is None else {"loss-map": loss_map_section(mapped)}
-    )
+    if mapped is None:
+        return reduction_report(reduction, found)
+    from winchcascade.report.results.loss_map_report import loss_map_section
+
+    return reduction_report(reduction, found, more={"loss-map": loss_map_section(mapped)})
 
 
 def _drawn(reduction: Reduction, found: Uncertainty, mapped: LossMap | None) -> Report:

@@ -18,6 +18,7 @@ from winchcascade.cli.outputs import (
     show,
     show_commands,
 )
+from winchcascade.cli.progress import Progress
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import write_content
 
@@ -105,7 +106,6 @@ def audit_command(
     """
     from winchcascade.report.results.audit_record import audit_record
     from winchcascade.report.results.audits import audit_report, failed_audit
-    from winchcascade.report.screen import Progress
     from winchcascade.tables.audit import audit
     from winchcascade.tables.table_file import load_table
 

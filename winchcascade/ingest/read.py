@@ -178,6 +178,12 @@ def read_by(
     """
     if isinstance(log, Path):
         run = _read_unchanged(log, settings, simulated=simulated)
+        if settings.beside:
+            from winchcascade.ingest.two_loggers import joined
+
+            alone = replace(settings, sheet=None)
+            others = [_read_unchanged(one, alone, simulated=simulated) for one in settings.beside]
+            run = joined([run, *others], settings.rig)
     else:
         from winchcascade.ingest.formats.data_frame import frame_digest, open_frame
 

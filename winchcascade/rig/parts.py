@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_type_
 import msgspec
 import numpy as np
 
+from winchcascade.core.machine_parts import measures
 from winchcascade.core.quantity import ATMOSPHERE, KGF
 from winchcascade.core.rig_file import PARTS as SECTIONS
-from winchcascade.core.rig_file import measures
 from winchcascade.core.run import Signal
 
 if TYPE_CHECKING:
