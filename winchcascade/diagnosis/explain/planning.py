@@ -9,7 +9,7 @@ their prior; the information of several runs adds up.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -26,9 +26,9 @@ from winchcascade.diagnosis.explain.planned_run import planned, usual
 from winchcascade.diagnosis.fit.entries import LOAD
 from winchcascade.diagnosis.fit.evidence import ROUNDING, Fit
 from winchcascade.diagnosis.fit.marginal import WILD, are_together
-from winchcascade.diagnosis.fit.misfit import Fitted, Variant
+from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.predict import CHANNELS
-from winchcascade.diagnosis.fit.suspects import varied
+from winchcascade.diagnosis.fit.suspects import freedom, varied
 from winchcascade.diagnosis.judge.causes import swap
 from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.rig.effects.effect import ActiveEffect
@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.diagnosis.fit.nuisances import Nuisance
     from winchcascade.diagnosis.fit.search import Found
-    from winchcascade.rig.effects.effect import Values
     from winchcascade.rig.parts import Model
 
 
@@ -121,18 +120,11 @@ class Prospect(NamedTuple):
     """Runs that may be made, as logs of a fit, and what they share with the logs so far.
 
     `carried` (q, n) are nuisances of the runs, in their units, over those of the logs so far; what
-    concerns one log alone is none of these. `places` are those of the runs among all.
+    concerns one log alone is none of these.
     """
 
     runs: Fitted
     carried: Signal
-    places: Sequence[RunPlace]
-
-    def acting(self, one: Explanation) -> tuple[Signal, dict[str, ActiveEffect]]:
-        """Nuisances of the runs (q,), and the effects as they act there, by name."""
-        return self.carried @ one.nu, {
-            name: self.placed(effect) for name, effect in one.effects.items()
-        }
 
     def carried_beside(self, fields: int) -> Signal:
         """Fields of an explanation, and then nuisances of the runs, over those of the logs so
@@ -142,17 +134,6 @@ class Prospect(NamedTuple):
         carried = np.eye(fields + count, fields + known)
         carried[fields:, fields:] = self.carried
         return carried
-
-    def placed(self, effect: ActiveEffect) -> ActiveEffect:
-        """An effect as it acts in the planned runs, which are each made at their own place."""
-        over_runs, places = effect.effect.over_runs, self.places
-        if over_runs is None:
-            return effect
-
-        def in_run(values: Values, place: RunPlace) -> Values:
-            return over_runs(values, places[place.number])
-
-        return ActiveEffect(msgspec.structs.replace(effect.effect, over_runs=in_run), effect.values)
 
 
 def prospect_of(setting: Setting, options: Sequence[PlannedRun]) -> Prospect:
@@ -173,16 +154,16 @@ def prospect_of(setting: Setting, options: Sequence[PlannedRun]) -> Prospect:
         )
     data = setting.data
     noisy = [_with_noise(run, noise, setting.rig) for run in made]
-    runs = Fitted(noisy, setting.rig, scales=None if data is None else data.scales)
+    places = [_place(data, one) for one in options]
+    scales = None if data is None else data.scales
+    runs = Fitted(noisy, setting.rig, scales=scales, places=places)
     known = runs if data is None else data
     carried = np.zeros((len(runs.nuisances), len(known.nuisances)))
     own = {_key(n): i for i, n in enumerate(known.nuisances) if n.kind != "zero"}
     for j, n in enumerate(runs.nuisances):
         if (i := own.get(_key(n))) is not None:
             carried[j, i] = known.nuisances[i].sd / n.sd
-    found = Prospect(runs, carried, [_place(data, one) for one in options])
-    runs.stated_by_run = [found.placed(effect) for effect in runs.stated_by_run]
-    return found
+    return Prospect(runs, carried)
 
 
 def simulated(setting: Setting, options: Sequence[PlannedRun]) -> list[Simulation]:
@@ -296,48 +277,63 @@ def foresee(
     ----------
     scale : square by which the noise exceeds its estimate [1]
     """
-    runs, (nu, acting) = prospect.runs, prospect.acting(known)
-    at, laws = _of_laws(runs, nu, acting)
-    there, others = (at, laws[:, :0]) if true is None else _of_laws(runs, *prospect.acting(true))
+    runs, nu, acting = prospect.runs, prospect.carried @ known.nu, known.effects
+    here = nu, [*acting.values()]
     fields = [
-        ((nu, [*_without(acting, name), moved]), step)
+        (name, moved, step)
         for name, effect in acting.items()
         for moved, step in varied(effect.effect, np.array(effect.values), STEP)
     ]
-    columns = runs.columns(nu, list(acting.values())).usable()
+    variants = [(nu, [*({**acting, name: moved}).values()]) for name, moved, _ in fields]
+    there = runs.predictions_near(here, variants)
+    at = runs.nearby(here).at
+    by_field = _whitened(runs, (there - at[:, :, None]) / np.array([step for *_, step in fields]))
+    columns = runs.columns(*here).usable()
     nuisances = np.hstack([columns.dense, columns.local.toarray()])
     zero = np.array([n.kind == "zero" for n in runs.nuisances])
     carried = prospect.carried_beside(len(fields))
     new = ~(carried.any(axis=1) | np.append(np.zeros(len(fields), dtype=bool), zero))
     root = _root_of(carried @ known.covariance @ carried.T + np.diag(new.astype(np.float64)))
-    open_ = np.hstack([_moved(runs, fields, at), nuisances]) @ root
-    both = np.column_stack([runs.whiten(there - at), open_]) / math.sqrt(scale)
-    own = np.hstack([nuisances[:, zero], laws, others]) / math.sqrt(scale)
+    open_ = np.hstack([by_field, nuisances]) @ root
+    other, others = (at, []) if true is None else _beside(prospect, known, true)
+    both = np.column_stack([runs.whiten(other - at), open_]) / math.sqrt(scale)
+    laws = [*_of_laws(acting, [name for name, *_ in fields], by_field), *others]
+    own = np.column_stack([nuisances[:, zero], *(LAW * law for law in laws)]) / math.sqrt(scale)
     rows = [slice(len(CHANNELS) * one.start, len(CHANNELS) * one.stop) for one in runs.rows]
     return Foreseen(np.array([_integrated(both[one], own[one]) for one in rows]), root)
 
 
-def _without(acting: Mapping[str, ActiveEffect], name: str) -> list[ActiveEffect]:
-    return [effect for other, effect in acting.items() if other != name]
-
-
-def _of_laws(runs: Fitted, nu: Signal, acting: Mapping[str, ActiveEffect]) -> tuple[Signal, Signal]:
-    """Blocks of runs, (M, 5) in SI units, and what the deviation of each effect from its law
-    moves, whitened, (M * 5, k).
+def _of_laws(
+    acting: Mapping[str, ActiveEffect], owners: Sequence[str], by_field: Signal
+) -> Iterator[Signal]:
+    """What each effect with a law moves as a whole, whitened, (M * 5,), by the derivative over the
+    fields of all, (M * 5, k).
     """
-    at = runs.predict(nu, list(acting.values()))
-    lawful = [name for name, effect in acting.items() if effect.effect.entry is None]
-    return at, _moved(runs, [((nu, _without(acting, name)), 1.0 / LAW) for name in lawful], at)
+    for name, effect in acting.items():
+        if effect.effect.entry is None:
+            own = by_field[:, [owner == name for owner in owners]]
+            yield own @ (np.array(effect.values) - freedom(effect.effect).absent)
 
 
-def _moved(runs: Fitted, variants: Sequence[tuple[Variant, float]], at: Signal) -> Signal:
-    """Derivative of runs by variants, each with its step, whitened, (M * 5, k); of one that
-    cannot be simulated none.
+def _beside(
+    prospect: Prospect, known: Explanation, true: Explanation
+) -> tuple[Signal, list[Signal]]:
+    """Blocks of runs by the true explanation, (M, 5) in SI units, and what each of its effects with
+    a law that the known one lacks moves there, whitened, (M * 5,).
     """
-    if not variants:
-        return np.zeros((at.size, 0))
-    moved = runs.predictions([variant for variant, _ in variants]) - at[:, :, None]
-    whitened = runs.whiten(moved / np.array([step for _, step in variants]))
+    runs, nu, acting = prospect.runs, prospect.carried @ true.nu, true.effects
+    at = runs.predict(nu, [*acting.values()])
+    moved = [
+        at - runs.predict(nu, [one for one in acting.values() if one is not effect])
+        for name, effect in acting.items()
+        if name not in known.effects and effect.effect.entry is None
+    ]
+    return at, [_whitened(runs, one) for one in moved]
+
+
+def _whitened(runs: Fitted, moved: Signal) -> Signal:
+    """What moves blocks of runs, whitened, (M * 5, ...); nothing where it cannot be simulated."""
+    whitened = runs.whiten(moved)
     return np.where(np.all(np.abs(whitened) < WILD, axis=0), whitened, 0.0)
 
 
