@@ -13,13 +13,10 @@ from rigs import calibrated_rig
 
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
-from winchcascade.diagnosis.explain.contributions import (
-    INPUTS,
-    covariance_without,
-    joint_covariance,
-)
+from winchcascade.diagnosis.explain.contributions import INPUTS
 from winchcascade.diagnosis.explain.validation import Compared
 from winchcascade.diagnosis.explain.windowed import QUANTITIES, quantities_of, windowed
+from winchcascade.diagnosis.fit.covariance import covariance_without, joint_covariance
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.report.results.diagnosis_record import as_json

@@ -30,14 +30,11 @@ from winchcascade.diagnosis.explain.shapley import split, subsets_of
 from winchcascade.diagnosis.explain.windowed import (
     QUANTITIES,
     WindowedLog,
-    complete_cycles,
     quantities_of,
     windowed,
-    windows_of,
 )
-from winchcascade.diagnosis.fit.covariance import covariance_of
-from winchcascade.diagnosis.fit.evidence import inside_of
-from winchcascade.diagnosis.fit.misfit import Fitted, log_of
+from winchcascade.diagnosis.fit.covariance import covariance_without, joint_covariance
+from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.suspects import Suspects, varied
 from winchcascade.diagnosis.judge.causes import COVERED
@@ -46,7 +43,7 @@ from winchcascade.diagnosis.verdict_limits import LAW
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-    from winchcascade.core.run import Mask, Run, Signal
+    from winchcascade.core.run import Mask, Signal
     from winchcascade.diagnosis.fit.evidence import Fit
     from winchcascade.diagnosis.fit.search import Found
     from winchcascade.rig.effects.effect import ActiveEffect, Effect
@@ -204,45 +201,6 @@ def _values(one: WindowedLog, models: Sequence[Model]) -> Signal:
 
 
 # ------------------------------------------------------------------------- all runs of a campaign
-def joint_covariance(found: Found, fit: Fit | None = None) -> Signal:
-    """Covariance of all fields of a fit, the best one by default, and then of its nuisances, (k +
-    n, k + n): these follow the fields, and scatter about that as the data and their tolerances
-    leave them.
-    """
-    fit, marginal = fit or found.best, found.marginal
-    columns = found.columns(fit)
-    fields = covariance_of(found, fit, columns)
-    follow = marginal.spread @ marginal.columns.onto(marginal.undone(columns))
-    both = fields @ follow.T
-    return np.block([[fields, both], [both.T, follow @ both + marginal.spread_in(found.scale)]])
-
-
-def covariance_without(data: Fitted, found: Found, load: float) -> Signal:
-    """Covariance as `joint_covariance` gives it, of a fit without the logs of a load [ohm]: what
-    these determine is added.
-
-    What concerns one log alone stays as it is known, and a field at a bound stays there.
-    """
-    best, loads = found.best, np.repeat([log.load for log in data.logs], data.sizes)
-    fields = -found.marginal.undone(found.expansion.over(best.names)) * inside_of(best)
-    of_a_log = np.zeros(best.x.size, dtype=bool)
-    for name, effect in zip(best.names, best.effects(found.problem.suspects), strict=True):
-        of_a_log[best.place[name]] = log_of(effect) >= 0
-    prior = np.diag([*best.free.sd**-2.0, *np.ones(len(data.nuisances))])
-
-    def left_by(blocks: Mask) -> Signal:
-        rows = np.repeat(blocks.astype(np.float64), len(CHANNELS))
-        own, others = (
-            np.where(of_a_log, fields, fields * rows[:, None]),
-            found.marginal.columns.masked(rows),
-        )
-        across = others.onto(own)
-        information = np.block([[own.T @ own, across.T], [across, others.squared()]])
-        return np.asarray(np.linalg.inv(information / found.scale + prior))
-
-    return (
-        joint_covariance(found) + left_by(loads != load) - left_by(np.ones(loads.size, dtype=bool))
-    )
 
 
 def contributions_of(
@@ -479,57 +437,3 @@ def reordered(
         )
         for one in contributions
     )
-
-
-def from_own_simulation(
-    contributions: Sequence[Contribution],
-    data: Fitted,
-    simulations: Sequence[Run],
-    windows: Sequence[float | None] | None = None,
-) -> tuple[Contribution, ...]:
-    """Contributions that lead from an own simulation to the runs: what the model of the rig has
-    beyond it is a part, too.
-
-    Parameters
-    ----------
-    contributions : from the model of the rig file, as `contributions_of` gives them
-    simulations : of each run, at the stamps of its log
-    windows : as for `contributions_of`
-    """
-    settings = zip(
-        data.logs, simulations, windows or [None] * len(data.logs), data.cycles, strict=True
-    )
-    given = {
-        (number, quantity): float(value)
-        for number, (log, simulation, window, span) in enumerate(settings)
-        for quantity, value in zip(
-            QUANTITIES,
-            quantities_of(
-                _along(log.run, simulation),
-                data.rig,
-                windows_of(complete_cycles(log.run, data.rig, window, span)),
-            ),
-            strict=True,
-        )
-    }
-    return tuple(_from(one, given[one.log, one.metric]) for one in contributions)
-
-
-def _along(run: Run, simulation: Run) -> Run:
-    """A log with the channels of its simulation, so that both have the same windows; without
-    those that either lacks.
-    """
-    both = {name: x for name, x in simulation.channels.items() if name in run.channels}
-    return msgspec.structs.replace(run, channels=both | {"velocity": run.channels["velocity"]})
-
-
-def _from(one: Contribution, given: float) -> Contribution:
-    """A contribution from another value than that of the rig file; the difference becomes a part
-    before the residual.
-    """
-    if not one.parts or not math.isfinite(given):
-        return msgspec.structs.replace(one, as_given=math.nan, measured=math.nan, parts=())
-    *parts, residual = one.parts
-    form = one.as_given - given
-    parts.append(ContributionPart(None, "model_form", form, form, form))
-    return msgspec.structs.replace(one, as_given=given, parts=(*parts, residual))

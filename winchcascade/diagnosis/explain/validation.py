@@ -20,8 +20,9 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.jobs import all_at_once
-from winchcascade.diagnosis.explain.contributions import INPUTS, MOVED, joint_covariance
+from winchcascade.diagnosis.explain.contributions import INPUTS, MOVED
 from winchcascade.diagnosis.explain.windowed import QUANTITIES, WindowedLog, quantities_of, windowed
+from winchcascade.diagnosis.fit.covariance import joint_covariance
 from winchcascade.diagnosis.fit.predict import CHANNELS, without_sensors
 from winchcascade.diagnosis.fit.suspects import varied
 from winchcascade.diagnosis.judge.causes import COVERED
