@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
     from winchcascade.core.scales import Scales
-    from winchcascade.rig.effects.effect import ActiveEffect
+    from winchcascade.rig.effects.effect import ActiveEffect, Values
 
 
 RHO = 0.2
@@ -67,6 +67,12 @@ newest; a search returns to few."""
 SERVES = 0.2
 """Derivatives of another place serve for uncertainties if they miss no more than this share of the
 way from there, or less than a standard deviation of all logs. [1]
+"""
+
+
+NEWLY = 0.25
+"""Minimum share that the derivatives of a place miss where something acts that does not act there:
+what a number moves may depend on it, as that of the cooling of a gas on its heating. [1]
 """
 
 
@@ -118,7 +124,7 @@ class Fitted:
         for j, n in enumerate(self.nuisances):
             self._of_kind.setdefault(n.kind, []).append((j, n))
         self._deviations = self._places_of_deviations()
-        self._places: dict[object, Nearby] = {}
+        self._places: dict[tuple[bytes, tuple[tuple[str, Values], ...]], Nearby] = {}
         self._take_noise()
 
     def _take_noise(self) -> None:
@@ -289,16 +295,22 @@ class Fitted:
     def nearby(self, place: Variant) -> Nearby:
         """A place and the derivatives that serve there; the newest `PLACES` are kept."""
         nu, effects = place
-        key = nu.tobytes(), tuple((one.effect.name, one.values) for one in effects)
+        acting = {one.effect.name: one.values for one in effects}
+        key = nu.tobytes(), tuple(acting.items())
         found = self._places.get(key)
         if found is None:
             courses = [log.course for log in self.logs]
             found = Nearby(
                 courses, self.models(nu, effects), self.skew(nu), self.predict(nu, effects)
             )
-            missed = {self._missed(known, found): known for known in self._places.values()}
-            if (least := min(missed, default=math.inf)) < math.inf:
-                found.take(missed[least], least)
+            ways = [
+                (max(missed, 0.0 if acting.keys() <= dict(own).keys() else NEWLY), missed, known)
+                for (_, own), known in self._places.items()
+                if (missed := self._missed(known, found)) < math.inf
+            ]
+            if ways:
+                missed, _, known = min(ways, key=lambda way: way[:2])
+                found.take(known, missed)
         self._places.setdefault(key, found)
         while len(self._places) > PLACES:
             del self._places[[*self._places][1]]

@@ -60,15 +60,16 @@ class Nearby:
     def take(self, known: Nearby, missed: float) -> None:
         """Use the derivatives of another place too, which miss a share of the way from there.
 
-        Those that move nothing at all miss nothing: no current reaches a roll-off in open circuit.
+        Those that move nothing in a log but something in another one miss nothing: no current
+        reaches a roll-off in open circuit.
         """
-        self._slopes = [
-            {
-                number: one._replace(missed=(one.missed + missed) * bool(one.moves.any()))
-                for number, one in own.items()
-            }
-            for own in known._slopes
-        ]
+        moving = {n for own in known._slopes for n, one in own.items() if one.moves.any()}
+
+        def served(number: str, one: Slope) -> Slope:
+            inert = number in moving and not one.moves.any()
+            return one._replace(missed=0.0 if inert else one.missed + missed)
+
+        self._slopes = [{n: served(n, one) for n, one in own.items()} for own in known._slopes]
 
     def _predicted(self, k: int, model: Model, skew: Signal | None) -> Signal:
         return self._courses[k].predict(model, skew=skew)
