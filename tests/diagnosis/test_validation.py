@@ -13,12 +13,9 @@ from rigs import calibrated_rig
 
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
-from winchcascade.diagnosis.explain.contributions import (
-    covariance_without,
-    joint_covariance,
-)
 from winchcascade.diagnosis.explain.validation import Compared
 from winchcascade.diagnosis.explain.windowed import QUANTITIES, quantities_of, windowed
+from winchcascade.diagnosis.fit.covariance import covariance_without, joint_covariance
 from winchcascade.diagnosis.fit.nuisances import stated_share
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.reduction.efficiency import METRICS

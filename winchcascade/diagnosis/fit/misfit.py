@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
     from winchcascade.core.scales import Scales
-    from winchcascade.rig.effects.effect import ActiveEffect
+    from winchcascade.rig.effects.effect import ActiveEffect, Values
 
 
 RHO = 0.2
@@ -59,8 +59,21 @@ ZERO_REACH = 3.0
 """Bound of a zero, in its standard uncertainties; more is a gap. [1]"""
 
 
-PLACES = 3
-"""Number of places of which the derivatives are kept, the newest: a search returns to few."""
+PLACES = 16
+"""Number of places of which the derivatives are kept: the first, at which nothing acts, and the
+newest; a search returns to few."""
+
+
+SERVES = 0.2
+"""Derivatives of another place serve for uncertainties if they miss no more than this share of the
+way from there, or less than a standard deviation of all logs. [1]
+"""
+
+
+NEWLY = 0.25
+"""Minimum share that the derivatives of a place miss where something acts that does not act there:
+what a number moves may depend on it, as that of the cooling of a gas on its heating. [1]
+"""
 
 
 class Fitted:
@@ -73,6 +86,7 @@ class Fitted:
     cycles : of each log, the first and last that count, None for all
     withheld : numbers of the logs that are predicted but take part in no fit
     scales : by which they are cut into blocks, those of their own motion by default
+    places : of each log among all runs of its campaign, by default these logs alone
     """
 
     def __init__(
@@ -82,12 +96,14 @@ class Fitted:
         cycles: Sequence[tuple[int, int] | None] | None = None,
         withheld: Collection[int] = (),
         scales: Scales | None = None,
+        places: Sequence[RunPlace] | None = None,
     ) -> None:
         rig = with_thresholds(rig, runs)
         self._same, self.stated_by_run = _without_changes_by_run(rig)
         self.rig, self.nominal, self.withheld = rig, baseline(self._same), frozenset(withheld)
         runs = [with_channels_of(self.nominal, run) for run in runs]
         self.order = _order(runs)
+        self.places = places or [RunPlace(self.order, k) for k in range(len(runs))]
         self.scales = scales or scales_of(rig, motion_of_runs(runs))
         self.nuisances: tuple[Nuisance, ...] = nuisances(rig, runs, self.scales)
         self.cycles = cycles or [None] * len(runs)
@@ -108,7 +124,7 @@ class Fitted:
         for j, n in enumerate(self.nuisances):
             self._of_kind.setdefault(n.kind, []).append((j, n))
         self._deviations = self._places_of_deviations()
-        self._places: dict[object, Nearby] = {}
+        self._places: dict[tuple[bytes, tuple[tuple[str, Values], ...]], Nearby] = {}
         self._take_noise()
 
     def _take_noise(self) -> None:
@@ -120,6 +136,15 @@ class Fitted:
             np.concatenate([whitener_of_blocks(log.noise) for log in self.logs])
         )
         self.local = self.whitener @ self._local_columns()
+
+    @property
+    def extreme_loads(self) -> list[int]:
+        """Numbers of a log of the smallest and one of the largest resistance, of those that take
+        part in a fit; what neither of them shows, none between them does.
+        """
+        taking = [k for k in range(len(self.logs)) if k not in self.withheld]
+        by_load = sorted(taking, key=lambda k: self.logs[k].load)
+        return sorted({by_load[0], by_load[-1]})
 
     def with_ramps(self, residual: Signal) -> Fitted | None:
         """The logs with the scatter of a residual within slow ramps, (M, 5), as noise; None
@@ -175,9 +200,8 @@ class Fitted:
         found = [changed(model, LOAD, "compound", loads.get(log.load, 0.0)) for log in self.logs]
         for effect in (*self.stated_by_run, *effects):
             if effect.effect.over_runs is not None:
-                found = [
-                    effect.in_run(RunPlace(self.order, k)).apply(one) for k, one in enumerate(found)
-                ]
+                each = zip(found, self.places, strict=True)
+                found = [effect.in_run(place).apply(one) for one, place in each]
             elif log_of(effect) >= 0:
                 found[log_of(effect)] = effect.apply(found[log_of(effect)])
         return found
@@ -269,31 +293,56 @@ class Fitted:
         )
 
     def nearby(self, place: Variant) -> Nearby:
-        """A place and the derivatives that were taken there; the newest `PLACES` are kept."""
+        """A place and the derivatives that serve there; the newest `PLACES` are kept."""
         nu, effects = place
-        key = nu.tobytes(), tuple((one.effect.name, one.values) for one in effects)
-        found = self._places.pop(key, None)
+        acting = {one.effect.name: one.values for one in effects}
+        key = nu.tobytes(), tuple(acting.items())
+        found = self._places.get(key)
         if found is None:
             courses = [log.course for log in self.logs]
             found = Nearby(
                 courses, self.models(nu, effects), self.skew(nu), self.predict(nu, effects)
             )
-        self._places[key] = found
+            ways = [
+                (max(missed, 0.0 if acting.keys() <= dict(own).keys() else NEWLY), missed, known)
+                for (_, own), known in self._places.items()
+                if (missed := self._missed(known, found)) < math.inf
+            ]
+            if ways:
+                missed, _, known = min(ways, key=lambda way: way[:2])
+                found.take(known, missed)
+        self._places.setdefault(key, found)
         while len(self._places) > PLACES:
-            del self._places[next(iter(self._places))]
+            del self._places[[*self._places][1]]
         return found
 
-    def predictions_near(self, place: Variant, variants: Sequence[Variant]) -> Signal:
+    def _missed(self, known: Nearby, place: Nearby) -> float:
+        """Share of the way from one place to another that the derivatives of the first miss. [1]"""
+        way = known.way_to(place)
+        if way is None or not np.isfinite(way[0]).all():
+            return math.inf
+        moved, missed = (
+            float(np.linalg.norm(self.whiten(one))) for one in (way[0], way[1] - way[0])
+        )
+        return max(missed - 1.0, 0.0) / max(moved, 1.0)
+
+    def predictions_near(
+        self, place: Variant, variants: Sequence[Variant], serves: float = SERVES
+    ) -> Signal:
         """Blocks that several models near to a place give, (M, 5, variants): the change of a single
         number by its derivative.
 
         Zeros of sensors and discrepancy of the model are those of the place.
+
+        Parameters
+        ----------
+        serves : share of the way from another place that its derivatives may miss [1]
         """
         models, skews = (
             [self.models(*variant) for variant in variants],
             [self.skew(nu) for nu, _ in variants],
         )
-        return self.nearby(place).predictions(models, skews)
+        return self.nearby(place).predictions(models, skews, serves)
 
     def cells(self) -> Iterator[tuple[int, int, int, NDArray[np.intp]]]:
         """Every channel in every phase of every log: numbers of log, channel and phase, and of
@@ -362,25 +411,33 @@ class Fitted:
         return self.whiten(self.measured - self.predict(nu, effects))
 
     def columns(
-        self, nu: Signal, effects: Sequence[ActiveEffect], used: Signal | None = None
+        self,
+        nu: Signal,
+        effects: Sequence[ActiveEffect],
+        used: Signal | None = None,
+        serves: float = SERVES,
     ) -> Columns:
         """Whitened derivative of the prediction over the nuisances.
 
         Parameters
         ----------
         used : (5,) weights of the channels in what is simulated, all 1 by default
+        serves : as for `predictions_near`
         """
-        moved = self.tolerances(nu, effects)
+        moved = self.tolerances(nu, effects, serves)
         return Columns(self.whiten(moved if used is None else moved * used[:, None]), self.local)
 
-    def tolerances(self, nu: Signal, effects: Sequence[ActiveEffect]) -> Signal:
+    def tolerances(
+        self, nu: Signal, effects: Sequence[ActiveEffect], serves: float = SERVES
+    ) -> Signal:
         """What one tolerance of each nuisance that is simulated moves, (M, 5, `simulated`), SI
         units.
         """
         at = self.nearby((nu, effects)).at
         columns, one = np.zeros((*at.shape, self.simulated)), np.eye(nu.size)
         moved = [j for j, n in enumerate(self.nuisances[: self.simulated]) if n.kind != "gain"]
-        there = self.predictions_near((nu, effects), [(nu + PART * one[j], effects) for j in moved])
+        variants = [(nu + PART * one[j], effects) for j in moved]
+        there = self.predictions_near((nu, effects), variants, serves)
         columns[:, :, moved] = (there - at[:, :, None]) / PART
         for j, n in self._of_kind.get("gain", ()):
             columns[:, CHANNELS.index(n.name), j] = at[:, CHANNELS.index(n.name)] * n.sd

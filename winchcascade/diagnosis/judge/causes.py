@@ -16,7 +16,6 @@ from winchcascade.diagnosis.fit.block_means import PHASES
 from winchcascade.diagnosis.fit.covariance import covariance_of
 from winchcascade.diagnosis.fit.entries import is_entry, same_in_logs
 from winchcascade.diagnosis.fit.evidence import Evidence, Fit, inside_of, usual_gain
-from winchcascade.diagnosis.fit.fit_set import columns_of
 from winchcascade.diagnosis.fit.marginal import are_together, weights
 from winchcascade.diagnosis.fit.nuisances import quantity_of
 from winchcascade.diagnosis.fit.predict import CHANNELS
@@ -141,10 +140,7 @@ class Posterior(NamedTuple):
 
 def posterior_of(found: Found, fit: Fit) -> Posterior:
     """What the data leave open of the fields of a fit."""
-    if fit is found.best:
-        columns = found.expansion.columns[:, found.expansion.index(fit.names)]
-    else:
-        columns = columns_of(found.problem, found.marginal, fit, fit.names)
+    columns = found.columns(fit)
     weighted, prior = columns * weights(fit.r)[:, None], fit.free.sd**-2.0
     return Posterior(
         fit,

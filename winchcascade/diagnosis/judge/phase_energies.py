@@ -100,8 +100,11 @@ def _known(data: Fitted, suspects: Suspects, fit: Fit) -> Known:
         (one, step) for (one, step), inside in zip(steps, inside_of(fit), strict=True) if inside
     ]
     by_nuisance, by_field = data.tolerances(fit.nu, effects), np.zeros((*at.shape, len(of_fields)))
-    for k, (one, step) in enumerate(of_fields):
-        by_field[:, :, k] = (data.predict(fit.nu, [*one.values()]) - at) / step
+    there = data.predictions_near(
+        (fit.nu, effects), [(fit.nu, [*one.values()]) for one, _ in of_fields]
+    )
+    for k, (_, step) in enumerate(of_fields):
+        by_field[:, :, k] = (there[:, :, k] - at) / step
     moved = np.concatenate([by_field, by_nuisance], axis=2)
     prior = np.concatenate([fit.free.sd[inside_of(fit)] ** -2.0, np.ones(fit.nu.size)])
     information = Columns(data.whiten(moved), data.local).squared() / fit.scale

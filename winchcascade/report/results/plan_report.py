@@ -9,8 +9,7 @@ from typing import Any
 
 from winchcascade.core.version import __version__
 from winchcascade.design.run_plan import RunPlan
-from winchcascade.diagnosis.explain.planned_run import BACK
-from winchcascade.diagnosis.explain.planning import PlannedRun
+from winchcascade.diagnosis.explain.planned_run import BACK, PlannedRun
 from winchcascade.report.content import Column, Note, Report, section, table
 from winchcascade.report.results.common import provenance
 from winchcascade.report.wording import load_words
