@@ -22,7 +22,7 @@ from winchcascade.report.figures.style import COLOURS
 from winchcascade.report.glossary import typeset
 from winchcascade.report.render.page import page_text
 from winchcascade.report.render.publish import publish
-from winchcascade.report.results.drawn_reduction import drawn_report
+from winchcascade.report.results.reduction import reduction_report
 from winchcascade.rig.baseline import load_rig
 
 ROOT = Path(__file__).parents[2]
@@ -45,7 +45,7 @@ CONTROL = "bell \x07 escape \x1b next line \x85 end"
 
 def drawn(log: Path) -> Report:
     reduction = reduce(read_run(log))
-    return drawn_report(reduction, uncertainty(reduction))
+    return reduction_report(reduction, uncertainty(reduction))
 
 
 def histories(report: Report) -> Picture:
@@ -79,7 +79,7 @@ def test_texts_of_a_log_and_its_rig_are_shown_as_they_are(tmp_path: Path) -> Non
         rig=rig,
     )
     page = PageReader(
-        page_text(drawn_report(reduction, uncertainty(reduction), command=f"command {WORDS}"))
+        page_text(reduction_report(reduction, uncertainty(reduction), command=f"command {WORDS}"))
     )
     shown = " ".join(page.shown.split())
     assert page.faults == page.requests() == []

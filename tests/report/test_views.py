@@ -268,10 +268,6 @@ def test_a_campaign_is_drawn_over_its_loads(campaign: CampaignReduction) -> None
     lines = plot(campaign, "power").lines
     colours = {line.get_color() for line in lines if len(np.asarray(line.get_xdata())) == 2}
     assert colours == {COLOURS["line"], COLOURS["mech"], COLOURS["gen"]}
-    assert [text.get_text() for text in plot(campaign, "speed").get_legend().get_texts()] == [
-        "18 Ω",
-        "9 Ω",
-    ]
 
 
 def test_a_diagnosis_has_a_map_and_waterfalls() -> None:

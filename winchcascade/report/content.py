@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Generic, Literal, NamedTuple, TypeGuard, TypeVar
 
 import msgspec
@@ -271,6 +272,10 @@ PAIRS: tuple[Column[tuple[str, Cell]], ...] = (
 """Columns of a table of two texts."""
 
 
+PROVENANCE = "provenance"
+"""Name of the section, and of its table, that states where every number comes from."""
+
+
 # ------------------------------------------------------------------------------- the other blocks
 class Note(msgspec.Struct, frozen=True):
     """A sentence, what it is about, and whether it is a warning; `brief` ones stand in a
@@ -283,42 +288,71 @@ class Note(msgspec.Struct, frozen=True):
     brief: bool = True
 
 
-class Picture(msgspec.Struct, frozen=True):
-    """A figure, its caption, and what it shows in words; `histories` is the JSON of an
-    interactive one (`render/page.py`).
+class Picture(msgspec.Struct, frozen=True, dict=True):
+    """A figure, its caption, and what it shows in words.
+
+    Parameters
+    ----------
+    draw : makes the figure when a renderer needs it, within the style of figures; None where there
+        is nothing to draw
+    histories : makes the JSON of an interactive one (`render/page.py`), which always has a figure
     """
 
     id: str
     caption: str
     alt: str
-    figure: Figure
-    histories: str = ""
+    draw: Callable[[], Figure | None]
+    histories: Callable[[], str] | None = None
 
+    @cached_property
+    def figure(self) -> Figure | None:
+        """The figure, drawn once."""
+        from winchcascade.report.figures.style import house_style
 
-def picture(
-    figure: Figure | None, name: str, caption: str, alt: str, histories: str = ""
-) -> Picture | None:
-    """A figure as a block; None for none."""
-    return None if figure is None else Picture(name, caption, alt, figure, histories)
+        with house_style():
+            return self.draw()
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing to draw."""
+        return self.histories is None and self.figure is None
 
 
 Block = Table[Any] | Picture | Note
 
 
-class Section(msgspec.Struct, frozen=True):
+Blocks = Sequence[Block | None]
+
+
+class Section(msgspec.Struct, frozen=True, dict=True):
     """A heading and what stands under it; a `folded` one is opened by the reader, and open in
     print.
+
+    `parts` may be what makes them, which is called when a page or a file needs them: nothing of
+    such a section stands in a terminal.
     """
 
     id: str
     heading: str
-    blocks: Sequence[Block]
+    parts: Blocks | Callable[[], Blocks]
     folded: bool = False
+
+    @cached_property
+    def blocks(self) -> list[Block]:
+        """The parts that there are."""
+        parts = self.parts() if callable(self.parts) else self.parts
+        return [block for block in parts if block is not None]
+
+    @property
+    def brief(self) -> list[Note | Table[Any]]:
+        """What stands in a terminal too."""
+        blocks = [] if callable(self.parts) else self.blocks
+        return [one for one in blocks if isinstance(one, Note | Table) and one.brief]
 
 
 def section(name: str, heading: str, *blocks: Block | None, folded: bool = False) -> Section:
     """A section of the blocks that there are."""
-    return Section(name, heading, [block for block in blocks if block is not None], folded)
+    return Section(name, heading, blocks, folded)
 
 
 class Tile(msgspec.Struct, frozen=True):
@@ -363,11 +397,25 @@ class Report(msgspec.Struct, frozen=True):
         return [point for point in self.points if point is not None and point.text]
 
     @property
-    def filled(self) -> list[Section]:
-        """The sections that have blocks."""
-        return [one for one in self.sections if one.blocks]
-
-    @property
     def blocks(self) -> list[Block]:
         """All blocks, in order."""
         return [block for one in self.sections for block in one.blocks]
+
+    @property
+    def pictures(self) -> list[Picture]:
+        """All pictures, in order."""
+        lead = [] if self.lead is None else [self.lead]
+        return [*lead, *(block for block in self.blocks if isinstance(block, Picture))]
+
+    def illustrated(self) -> Report:
+        """The report with its figures drawn, without pictures of nothing and empty sections."""
+        empty = {id(one) for one in self.pictures if one.is_empty}
+        kept = [
+            Section(one.id, one.heading, [b for b in one.blocks if id(b) not in empty], one.folded)
+            for one in self.sections
+        ]
+        return msgspec.structs.replace(
+            self,
+            lead=None if id(self.lead) in empty else self.lead,
+            sections=[one for one in kept if one.blocks],
+        )

@@ -136,21 +136,16 @@ def _draw_efficiencies(ax: axes.Axes, reduction: Reduction, ratios: Sequence[str
 
 @plots_of.register(CampaignReduction)
 def _(result: CampaignReduction) -> Plots:
-    """Mean powers or efficiencies of the runs over their loads, power at the DC link over
-    generator speed.
-    """
+    """Mean powers or efficiencies of the runs over their loads."""
     from winchcascade.report.figures import campaign_figures as figures
 
     reduced = result.summary.reduced
     runs = [run for run in runs_by_load(reduced) if not run.open_circuit] or reduced
-    bins = {name: found for name, found in result.bins.items() if found}
     lacks = "" if runs else "a run that could be reduced"
-    made = {
+    return {
         what: _single(figures.draw_over_load, runs, what, lacks=lacks)
         for what in ("power", "efficiency")
     }
-    without = lacks or ("" if bins else "the speed of the generator in a run")
-    return {**made, "speed": _single(figures.draw_power_over_speed, runs, bins, lacks=without)}
 
 
 @plots_of.register(DiagnosisResult)

@@ -300,12 +300,12 @@ def _late(name: str) -> Callable[..., content.Report]:
 
 for _kind, _name in {
     Audit: "audits:audit_report",
-    Calibration: "calibration:drawn_calibration",
-    CampaignReduction: "drawn_campaign:reduced_campaign",
+    Calibration: "calibration:calibration_report",
+    CampaignReduction: "campaign:reduced_campaign",
     Check: "checks:check_report",
     Comparison: "comparison:comparison_report",
     DiagnosisResult: "diagnosis:diagnosis_report",
-    Reduction: "drawn_reduction:drawn_report",
+    Reduction: "reduction:reduction_report",
     SeaStudy: "sea_report:sea_report",
     Simulation: "simulation:simulation_report",
 }.items():

@@ -28,14 +28,6 @@ if TYPE_CHECKING:
 SIDES = ["logged", "before", "after"]
 """Columns of a table of blocks: as logged, and as simulated before and after the causes."""
 
-SPEED_BIN = 0.07
-"""Width of the bins of generator speed in which block means are averaged, over the largest speed
-of the campaign. [1]
-"""
-
-TOP_SHARE = 0.9
-"""Braking begins after the last block with this share of a payout's top speed. [1]"""
-
 LEAD, TAIL = 0.1, 0.05
 """Time before the onset of a cycle and after its haul-in that belongs to it here, over the time
 of a stroke. [1]
@@ -93,32 +85,6 @@ def block_table(found: ModelDiagnosis) -> pd.DataFrame:
         ],
         ignore_index=True,
     )
-
-
-def means_over_speed(table: pd.DataFrame, log: int, channels: Sequence[str]) -> pd.DataFrame:
-    """Average a channel of the payouts of a log, or the product of several, in bins of generator
-    speed, until braking.
-
-    Braking gives energy back that the machine stores.
-
-    Returns
-    -------
-    Columns `rpm` and `SIDES`, a row for each bin.
-    """
-    own = table[
-        (table.log == log)
-        & (table.phase == PAYOUT)
-        & table.channel.isin(channels)
-        & (table.rpm > 0.0)
-    ]
-    blocks = own.groupby(["cycle", "t", "rpm"])[SIDES].prod(min_count=len(channels)).reset_index()
-    near_top = blocks[blocks.rpm >= TOP_SHARE * blocks.groupby("cycle").rpm.transform("max")]
-    blocks = blocks[
-        (blocks.t <= blocks.cycle.map(near_top.groupby("cycle").t.max())) & blocks.logged.notna()
-    ]
-    return blocks.groupby(np.floor(blocks.rpm / (SPEED_BIN * table.rpm.max())))[
-        ["rpm", *SIDES]
-    ].mean()
 
 
 # ------------------------------------------------------------------------------ one cycle in full

@@ -4,8 +4,9 @@ back-EMF (Fig. 12).
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.figure import Figure
 
 from winchcascade.diagnosis.fit.block_means import HAUL_IN, PAYOUT
 from winchcascade.diagnosis.fit.predict import CHANNELS
@@ -22,6 +23,9 @@ from winchcascade.report.figures.style import (
     samples_entry,
 )
 from winchcascade.rig.backemf import BackEmf
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SPEED = "Generator speed (rpm)"
 
@@ -59,34 +63,28 @@ def damper_and_screw(blocks: FittedBlocks, *, word: str) -> Figure:
 
 
 def back_emf_figure(fit: BackEmf, reference: float, *, word: str) -> Figure:
-    """Draw the DC voltage and the back-EMF of an open circuit over generator speed, with the line
-    through zero (Fig. 12).
+    """Draw the back-EMF of an open circuit over generator speed, with the line through zero
+    (Fig. 12).
 
     Parameters
     ----------
     reference : back-EMF constant of the rig file, not finite where it has none [V/rpm]
     """
-    figure, (left, right) = panel_figure(2.6, 1, 2)
+    figure, (ax,) = panel_figure(2.6)
     ends = np.array([0.0, 1.05 * float(fit.rpm.max())])
     rig: LineStyle = {"ls": (0, (5, 2)), "lw": 0.9}
-    stated = []
-    if np.isfinite(reference):
-        right.fill_between(
-            ends, 0.9 * reference * ends, 1.1 * reference * ends, color=COLOURS["payout"], lw=0
-        )
-        right.plot(ends, reference * ends, color=COLOURS["soft"], **rig)
-        stated = [line_entry("rig file", "soft", **rig), patch_entry("rig file ± 10 %", "payout")]
-    right.plot(ends, fit.k_e * ends, color=COLOURS["mech"], lw=0.9)
-    titles = ("Voltage of the DC link", "Back-EMF, line to line, rms")
-    for ax, letter, title, volt in zip(
-        (left, right), "ab", titles, (fit.vdc, fit.v_ll), strict=True
-    ):
-        dots(ax, fit.rpm, volt, COLOURS["ink"])
-        ax.set(xlim=ends, ylim=(0.0, None))
-        label_panel(ax, letter, title, x=SPEED, unit="V")
-    own = [
+    entries = [
         samples_entry(f"{word}, samples used", "ink"),
         line_entry("line through zero", "mech", lw=0.9),
     ]
-    legend_above(figure, [*own, *stated])
+    if np.isfinite(reference):
+        ax.fill_between(
+            ends, 0.9 * reference * ends, 1.1 * reference * ends, color=COLOURS["payout"], lw=0
+        )
+        ax.plot(ends, reference * ends, color=COLOURS["soft"], **rig)
+        entries += [line_entry("rig file", "soft", **rig), patch_entry("rig file ± 10 %", "payout")]
+    ax.plot(ends, fit.k_e * ends, color=COLOURS["mech"], lw=0.9)
+    dots(ax, fit.rpm, fit.v_ll, COLOURS["ink"])
+    ax.set(xlim=ends, ylim=(0.0, None), xlabel=SPEED, ylabel="Back-EMF, line to line, rms (V)")
+    legend_above(figure, entries)
     return figure

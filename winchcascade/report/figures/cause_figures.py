@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import accumulate
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import (
@@ -33,6 +31,10 @@ from winchcascade.report.figures.style import (
 from winchcascade.report.glossary import tex, typeset
 from winchcascade.report.wording import load_words
 from winchcascade.rig.parts import ROLLOFF_KNOTS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # ---------------------------------------------------------------------------------- the waterfall
 BAR = 0.155
@@ -98,6 +100,8 @@ def _waterfall(ax: Axes, costs: Contribution, span: float) -> None:
     """Draw the waterfall of one load, from above, on an axis that is wider than the span of the
     widest [points].
     """
+    from matplotlib.ticker import MaxNLocator
+
     low, high = _extent(costs)
     middle, half = 0.5 * (low + high), max(0.85 * span, 0.5)
     left, level, end = middle - half, costs.as_given, len(costs.parts) + 1

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING
 
 from winchcascade.comparison.comparison_result import Comparison
 from winchcascade.report.figures.style import (
@@ -18,6 +16,10 @@ from winchcascade.report.figures.style import (
     panel_figure,
 )
 from winchcascade.report.glossary import tex, typeset
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 MAX_DRAWN = 16
 """Runs in a panel at most, of more an even selection; names are turned where there are more than

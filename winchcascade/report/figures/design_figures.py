@@ -7,20 +7,22 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from winchcascade.design.design import METRIC, Design
 from winchcascade.report.figures.style import (
     COLOURS,
+    Entry,
+    LineStyle,
     label_panel,
     legend_above,
     line_entry,
-    load_style,
+    load_looks,
     panel_figure,
 )
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from winchcascade.core.run import Mask, Signal
 
@@ -28,10 +30,12 @@ LOOKS = {"power": ("gen", "o"), "efficiency": ("mech", "s")}
 """Colour and marker of each criterion."""
 
 
-OUTSIDE = line_entry(
-    "outside what the logs cover", "soft", ls="--", marker="o", ms=4, mfc=COLOURS["paper"]
-)
-"""Entry of a legend for points that the logs do not cover."""
+OUTSIDE: LineStyle = {"ls": "--", "marker": "o", "ms": 4, "mfc": COLOURS["paper"]}
+"""Look of points that the logs do not cover, in a legend."""
+
+
+def _outside_entry() -> Entry:
+    return line_entry("outside what the logs cover", "soft", **OUTSIDE)
 
 
 def schedule_figure(found: Design) -> Figure | None:
@@ -53,7 +57,7 @@ def schedule_figure(found: Design) -> Figure | None:
         line_entry(f"most {name}", colour, marker=mark, ms=4)
         for name, (colour, mark) in LOOKS.items()
     ]
-    legend_above(figure, [*most, OUTSIDE])
+    legend_above(figure, [*most, _outside_entry()])
     return figure
 
 
@@ -71,9 +75,9 @@ def map_figure(found: Design) -> Figure:
     """Power and efficiency over line speed at each load, with bands."""
     figure, panels = panel_figure(3.4, columns=2)
     loads = sorted({row.load for row in found.rows})
-    entries = []
-    for k, load in enumerate(loads):
-        colour, mark = load_style(k)
+    looks, entries = load_looks([*found.tested.loads, *loads]), []
+    for load in loads:
+        colour, mark = looks[load]
         own = [row for row in found.rows if row.load == load]
         speed = np.array([row.speed for row in own])
         inside = np.array([row.within_domain for row in own], dtype=bool)
@@ -90,7 +94,7 @@ def map_figure(found: Design) -> Figure:
     label_panel(panels[0], "a", "Power at the DC link", x="Line speed (m/s)", unit="W")
     label_panel(panels[1], "b", r"Efficiency $\eta_{pto}$", x="Line speed (m/s)")
     if not all(row.within_domain for row in found.rows):
-        entries.append(OUTSIDE)
+        entries.append(_outside_entry())
     if any(row.exceeds for row in found.rows):
         entries.append(line_entry("over a limit", ls="none", marker="x", ms=7, mew=1.2))
     legend_above(figure, entries)

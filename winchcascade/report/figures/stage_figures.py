@@ -4,8 +4,9 @@ predicted.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.figure import Figure
 
 from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.report.figures.diagnosis_figures import DASHES
@@ -18,6 +19,9 @@ from winchcascade.report.figures.style import (
     wide_figure,
 )
 from winchcascade.report.glossary import upper
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 GIVEN, CAUSED = "without losses", "with the causes"
 

@@ -14,6 +14,8 @@ from winchcascade.report.figures.style import house_style
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from winchcascade.report.content import Picture
+
 _ABOUT: dict[str, dict[str, str | None]] = {
     "svg": {"Date": None, "Creator": GENERATOR},
     "pdf": {"CreationDate": None, "Creator": GENERATOR},
@@ -27,8 +29,12 @@ figures share them.
 """
 
 
-def drawn(figure: Figure, ending: str = "svg") -> bytes:
-    """A figure, which does not change afterwards, as SVG, PDF or PNG."""
+def drawn(picture: Picture, ending: str = "svg") -> bytes:
+    """The figure of a picture that has one, which does not change afterwards, as SVG, PDF or
+    PNG.
+    """
+    figure = picture.figure
+    assert figure is not None  # renderers leave out pictures of nothing
     files = _DRAWN.setdefault(figure, {})
     if ending not in files:
         files[ending] = _draw(figure, ending)

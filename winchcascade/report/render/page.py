@@ -9,7 +9,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from winchcascade.core.version import GENERATOR
-from winchcascade.report.content import Picture, Report, Section, Table
+from winchcascade.report.content import Picture, Report, Table
 from winchcascade.report.figures.style import COLOURS, WIDTH
 from winchcascade.report.glossary import SUBSCRIPT, clean, typeset
 from winchcascade.report.render.drawing import drawn
@@ -27,8 +27,9 @@ def page_text(report: Report) -> str:
     """A report as a page."""
     from markupsafe import Markup
 
-    folder = template_folder()
-    histories = any(isinstance(block, Picture) and block.histories for block in report.blocks)
+    report, folder = report.illustrated(), template_folder()
+    histories = any(one.histories for one in report.pictures)
+    lead = report.lead and report.lead.figure
     scripts = [*(["uplot.js"] if histories else []), "page.js"]
     styles = [*(["uplot.css"] if histories else []), "page.css"]
     return (
@@ -39,8 +40,8 @@ def page_text(report: Report) -> str:
             generator=GENERATOR,
             style=Markup("".join((folder / name).read_text(encoding="utf-8") for name in styles)),
             scripts=[Markup((folder / name).read_text(encoding="utf-8")) for name in scripts],
-            numbers=_numbered(report.filled, report.lead),
-            beside=report.lead is not None and report.lead.figure.get_figwidth() < WIDTH,
+            numbers=_numbered(report),
+            beside=lead is not None and lead.get_figwidth() < WIDTH,
         )
     )
 
@@ -50,10 +51,10 @@ def table_html(heading: str, table: Table[Any] | None) -> str:
     return _environment().get_template("notebook.html.j2").render(heading=heading, block=table)
 
 
-def _numbered(sections: list[Section], lead: Picture | None) -> dict[str, int]:
+def _numbered(report: Report) -> dict[str, int]:
     """Numbers of figures and tables by their names, each from 1 on."""
-    blocks = [*([lead] if lead else []), *(block for one in sections for block in one.blocks)]
-    named = [[b.id for b in blocks if isinstance(b, kind)] for kind in (Picture, Table)]
+    tables = [block for block in report.blocks if isinstance(block, Table)]
+    named = ([block.id for block in kind] for kind in (report.pictures, tables))
     return {name: k for names in named for k, name in enumerate(names, start=1)}
 
 
@@ -100,7 +101,7 @@ def _svg(picture: Picture) -> Markup:
     """A figure as SVG whose ids are its own and whose colours are those of the page."""
     from markupsafe import Markup
 
-    text = re.sub(r"<metadata>.*?</metadata>", "", drawn(picture.figure).decode(), flags=re.DOTALL)
+    text = re.sub(r"<metadata>.*?</metadata>", "", drawn(picture).decode(), flags=re.DOTALL)
     text = re.sub(r'( id="|href="#|url\(#)', rf"\g<1>{picture.id}-", text[text.index("<svg") :])
     for size in ("width", "height"):
         text = re.sub(rf'(<svg[^>]*?) {size}="[^"]*"', r"\1", text, count=1)

@@ -22,6 +22,7 @@ def pdf_bytes(report: Report) -> bytes:
     import matplotlib
     import typst
 
+    report = report.illustrated()
     text = msgspec.json.encode(_record(report, drawn=True)).decode()
     strange = lacking_letters(msgspec.json.encode(_record(report, drawn=False)).decode())
     fallback = fonts_for(strange) if strange else []
@@ -69,15 +70,15 @@ def _record(report: Report, *, drawn: bool) -> dict[str, Any]:
                 "heading": _text(one.heading),
                 "blocks": [_block(block, drawn=drawn) for block in one.blocks],
             }
-            for one in report.filled
+            for one in report.sections
         ],
     }
 
 
 def _block(block: Block, *, drawn: bool) -> dict[str, Any]:
     if isinstance(block, Picture):
-        svg = drawing.drawn(block.figure).decode() if drawn else ""
-        share = float(block.figure.get_figwidth() / WIDTH)
+        svg = drawing.drawn(block).decode() if drawn else ""
+        share = float(block.figure.get_figwidth() / WIDTH) if block.figure is not None else 1.0
         return {
             "type": "picture",
             "caption": _text(block.caption),

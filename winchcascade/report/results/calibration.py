@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 
 from winchcascade.core.campaign_file import origin_record
 from winchcascade.core.store import fingerprint
@@ -13,18 +14,18 @@ from winchcascade.core.version import __version__
 from winchcascade.diagnosis.handover.calibrate import STRAINED, Calibration, Number, Strain
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.report.content import (
-    Block,
     Column,
     Measured,
     Note,
+    Picture,
     Report,
     Span,
     Tile,
-    picture,
     section,
     shown,
     table,
 )
+from winchcascade.report.figures.calibration_figures import back_emf_figure, damper_and_screw
 from winchcascade.report.results.common import data_note, provenance
 from winchcascade.report.wording import banner
 
@@ -62,15 +63,8 @@ STRAINS: tuple[Column[Strain], ...] = (
 )
 
 
-def calibration_report(
-    calibration: Calibration, fit: Sequence[Block | None] = (), *, command: str = ""
-) -> Report:
-    """Report of a calibration.
-
-    Parameters
-    ----------
-    fit : figures of the fits, as `fit_blocks` makes them
-    """
+def calibration_report(calibration: Calibration, *, command: str = "") -> Report:
+    """Report of a calibration."""
     run, rig, against = calibration.run, calibration.rig, _against(calibration)
     outcome = Note(_outcome(calibration), "Outcome", "warn" if against else "good", brief=False)
     together = "; ".join(calibration.together)
@@ -86,7 +80,7 @@ def calibration_report(
                 table("calibrated-numbers", "Calibrated numbers of the rig.", NUMBERS, calibration.numbers),
                 Note(f"{together}: an open circuit cannot distinguish them.", "Together") if together else None,
             ),
-            section("fit", "Fit", *fit, Note(_regression(calibration), "Back-EMF")),
+            section("fit", "Fit", *_fit_pictures(calibration), Note(_regression(calibration), "Back-EMF")),
             section(
                 "strained", "Priors that the fit exceeds",
                 table("strained", "Moves beyond what is known.", STRAINS, calibration.strained, brief=False), folded=True,
@@ -108,14 +102,6 @@ def calibration_report(
         verdict=outcome,
         banner=banner([run.origin]),
     )  # fmt: skip
-
-
-def drawn_calibration(calibration: Calibration, *, command: str = "") -> Report:
-    """Report of a calibration with its figures."""
-    from winchcascade.report.figures.style import house_style
-
-    with house_style():
-        return calibration_report(calibration, fit_blocks(calibration), command=command)
 
 
 def _change(number: Number) -> Measured | None:
@@ -236,12 +222,8 @@ def _regression(calibration: Calibration) -> str:
     )
 
 
-def fit_blocks(calibration: Calibration) -> list[Block | None]:
-    """Damper and screw by the blocks of the fit, and the regression of the back-EMF. Called
-    within the style of figures.
-    """
-    from winchcascade.report.figures.calibration_figures import back_emf_figure, damper_and_screw
-
+def _fit_pictures(calibration: Calibration) -> list[Picture]:
+    """Damper and screw by the blocks of the fit, and the regression of the back-EMF."""
     word, gas = calibration.run.origin.word, calibration.rig.restoring.has_gas
     over = (
         "gas pressure: screw friction makes that of payout and haul-in"
@@ -249,20 +231,23 @@ def fit_blocks(calibration: Calibration) -> list[Block | None]:
         else "displacement in payout and haul-in"
     )
     return [
-        picture(
-            damper_and_screw(calibration.blocks, word=word), "model-damper",
+        Picture(
+            "model-damper",
             "Block means of the log and of the fit. Torque in payout beyond that of a shaft "
-            "without the damper, over "
-            f"generator speed. Line tension over {over}.",
+            f"without the damper, over generator speed. Line tension over {over}.",
             "Dots along a line through zero, and along the two branches of payout and haul-in.",
+            partial(damper_and_screw, calibration.blocks, word=word),
         ),
-        picture(
-            back_emf_figure(calibration.regression, calibration.numbers[0].before, word=word), "model-emf",
-            "DC voltage and back-EMF over generator speed; the line has the slope k_e (Fig. 12 of "
-            "Hsu et al. 2026).",
+        Picture(
+            "model-emf",
+            "Back-EMF over generator speed; the line has the slope k_e (Fig. 12 of Hsu et al. "
+            "2026).",
             "Dots along a straight line through zero.",
+            partial(
+                back_emf_figure, calibration.regression, calibration.numbers[0].before, word=word
+            ),
         ),
-    ]  # fmt: skip
+    ]
 
 
 # --------------------------------------------------------------------------------------- the JSON

@@ -5,6 +5,7 @@ limits them.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
@@ -25,7 +26,6 @@ from winchcascade.core.plain_text import first_of
 from winchcascade.report import content
 from winchcascade.report.content import Column, Measured, Note, Span, Tile, section, shown
 from winchcascade.report.figures.comparison_figures import MAX_DRAWN, difference_figure
-from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import metric, short, upper
 from winchcascade.report.results.common import data_note, provenance
 from winchcascade.report.wording import banner, load_words
@@ -56,7 +56,6 @@ class Row(NamedTuple):
         return Span(*self.of.interval, u)
 
 
-@house_style()
 def comparison_report(
     found: Comparison, gate: Gate | None = None, *, command: str = ""
 ) -> content.Report:
@@ -78,19 +77,19 @@ def comparison_report(
         sections=[
             section(
                 "efficiencies", "Efficiencies",
-                content.picture(
-                    difference_figure(found, drawn) if drawn else None, "differences",
+                content.Picture(
+                    "differences",
                     f"B - A with 95 % intervals, {MAX_DRAWN} runs at most; full markers: the "
                     f"interval excludes zero.",
                     "Points with intervals about zero, one panel for each efficiency; the values "
                     "are in the table.",
-                ),
+                    partial(difference_figure, found, drawn),
+                ) if drawn else None,
                 differences_table("efficiencies", etas),
             ),
             section(
-                "energies", "Energies and powers",
+                "energies", "Energies",
                 differences_table("energies", rows_of(found, "energy", whole=False)),
-                differences_table("powers", rows_of(found, "power"), brief=False),
                 differences_table("whole-cycles", rows_of(found, "energy", whole=True), brief=False),
                 folded=bool(etas),
             ),

@@ -5,6 +5,7 @@ is worth.
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
 from winchcascade.core.version import __version__
@@ -16,15 +17,15 @@ from winchcascade.report.content import (
     Column,
     Measured,
     Note,
+    Picture,
     Report,
     Section,
     Span,
-    picture,
     section,
     shown,
     table,
 )
-from winchcascade.report.figures.style import house_style
+from winchcascade.report.figures.design_figures import map_figure, schedule_figure
 from winchcascade.report.results.common import provenance
 from winchcascade.report.results.judgement import judgement_banner, judgement_note, judgement_record
 
@@ -120,11 +121,8 @@ def schedule_csv(found: Design, criterion: str = "power") -> str:
 
 
 # ----------------------------------------------------------------------------------------- report
-@house_style()
 def design_report(found: Design, *, command: str = "") -> Report:
     """Report of a design."""
-    from winchcascade.report.figures.design_figures import map_figure, schedule_figure
-
     tested = found.tested
     outside = sum(not row.within_domain for row in found.rows)
     over = sum(bool(row.exceeds) for row in found.rows)
@@ -153,16 +151,18 @@ def design_report(found: Design, *, command: str = "") -> Report:
             Note(f"{over} of {len(found.rows)} points exceed {_limits(found)}.", "Limits", "warn") if over else None,
         ],
         sections=[
-            section("schedule", "Schedule", picture(
-                schedule_figure(found), "schedule",
+            section("schedule", "Schedule", Picture(
+                "schedule",
                 "Best load over generator speed.",
                 "Load in ohm over generator speed for most power and for most efficiency; the "
                 "values are in the table.",
+                partial(schedule_figure, found),
             ), _schedule_table(found)),
-            section("map", "Map", picture(
-                map_figure(found), "map",
+            section("map", "Map", Picture(
+                "map",
                 "Power at the DC link and eta_pto over line speed at each load, with 95 % bands.",
                 "Lines over speed for each load; the values are in the table.",
+                partial(map_figure, found),
             ), _map_table(found)),
             _repairs_section(found),
             provenance(

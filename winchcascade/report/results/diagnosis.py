@@ -5,7 +5,8 @@ the evidence behind them.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache, partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
@@ -38,7 +39,6 @@ from winchcascade.report.content import (
     Section,
     Table,
     Tile,
-    picture,
     section,
     table,
 )
@@ -59,7 +59,6 @@ from winchcascade.report.diagnosis_names import (
 from winchcascade.report.figures import diagnosis_figures as figures
 from winchcascade.report.figures.cause_figures import waterfall_figure
 from winchcascade.report.figures.histories import history_figure, history_json
-from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import CHANNELS, upper
 from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.diagnosis_parts import (
@@ -92,9 +91,8 @@ def diagnosis_report(found: DiagnosisResult, *, command: str = "") -> Report:
     return _model_report(found, command=command)
 
 
-@house_style()
 def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
-    blocks, word = block_table(found), word_of(found)
+    blocks, word = cache(partial(block_table, found)), word_of(found)
     leading = leading_metric(found.contributions)
     return Report(
         kind="Diagnosis of a campaign",
@@ -102,11 +100,12 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
         subtitle=f"{len(found.runs)} logs · rig {found.rig.name} · {len(found.suspects)} effects "
                  f"tried",
         tiles=_tiles(found),
-        lead=picture(
-            waterfall_figure(found, word), "waterfall",
+        lead=Picture(
+            "waterfall",
             f"{leading} from {baseline_words(found)} to {word}, part by part; black: 95 %.",
             "Bars from one level to the next; the values are in the table of what each cause "
             "costs.",
+            partial(waterfall_figure, found, word),
         ),
         points=_points(found),
         sections=[
@@ -121,10 +120,11 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
             _other_costs(found),
             _where(found, word),
             _how_far(found, blocks, word),
-            section("time-histories", "Time histories", _cycle(found, blocks, word), folded=True),
+            Section(
+                "time-histories", "Time histories", lambda: [_cycle(found, blocks(), word)], folded=True
+            ),
             validation_section(found),
             numbers(found),
-            _speed(found, blocks, word),
             _considered(found),
             _provenance(found, command),
         ],
@@ -287,19 +287,21 @@ def _where(found: ModelDiagnosis, word: str) -> Section:
     minus = f"{upper(word)} minus {baseline_words(found)}"
     return section(
         "where", "Where the gap lies",
-        picture(
-            figures.gap_map(found), "map",
+        Picture(
+            "map",
             f"{minus}, as a mean over each phase of each log, in standard uncertainties; coloured "
             f"beyond {STANDS_OUT:g}.",
             "Matrix of numbers by channel and phase (rows) and load (columns); the largest are in "
             "the table.",
+            partial(figures.gap_map, found),
         ),
         _places(found.places),
-        picture(
-            figures.stage_map(found), "stage-map",
+        Picture(
+            "stage-map",
             f"Stage by stage: {word} minus what each stage makes of its own inputs from the log, "
             f"in standard uncertainties.",
             "Matrix of numbers by stage and phase (rows) and load (columns).",
+            partial(figures.stage_map, found),
         ),
         folded=True,
     )  # fmt: skip
@@ -342,7 +344,7 @@ def _misfit(of: str) -> Column[tuple[str, Shrunk]]:
     return Column(of, cell, own_digits=True)
 
 
-def _how_far(found: ModelDiagnosis, blocks: pd.DataFrame, word: str) -> Section:
+def _how_far(found: ModelDiagnosis, blocks: Callable[[], pd.DataFrame], word: str) -> Section:
     shrunk = () if found.closure is None else found.closure.channels.items()
     return section(
         "how-far", "How far the gap closes",
@@ -358,10 +360,11 @@ def _how_far(found: ModelDiagnosis, blocks: pd.DataFrame, word: str) -> Section:
             shrunk,
             brief=False,
         ),
-        picture(
-            figures.error_figure(found, blocks, word), "errors",
+        Picture(
+            "errors",
             "Errors in the payouts of all logs; a mark is a block (the paper's Fig. 18b).",
             "Clouds of marks before and after about zero.",
+            lambda: figures.error_figure(found, blocks(), word),
         ),
         folded=True,
     )  # fmt: skip
@@ -373,26 +376,14 @@ def _cycle(found: ModelDiagnosis, blocks: pd.DataFrame, word: str) -> Picture | 
     if item is None:
         return None
     run, history = found.data.logs[item.log].run, figures.cycle_history(found, item, word)
-    return picture(
-        history_figure(history), "histories",
+    return Picture(
+        "histories",
         f"Cycle {item.cycle} of {run.name} ({load_words(run.load, 'ohm')}), which has the largest "
         f"gap, over the time since its "
         f"onset; the zeros of the sensors are taken off the {word}. Shaded: payout.",
         "Line plots of every channel over time; the values are in the log.",
-        history_json(history),
-    )  # fmt: skip
-
-
-def _speed(found: ModelDiagnosis, blocks: pd.DataFrame, word: str) -> Section:
-    return section(
-        "speed", "Current, torque and power over speed",
-        picture(
-            figures.over_speed_figure(found, blocks, word), "speed",
-            "Payouts at a light, a middle and a heavy load (the paper's Figs 18a, 18c, 18d); "
-            "means in bins of 250 rpm.",
-            "Lines of the logs and marks of the simulations over generator speed.",
-        ),
-        folded=True,
+        partial(history_figure, history),
+        partial(history_json, history),
     )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 from winchcascade.core.store import fingerprint
@@ -24,12 +25,12 @@ from winchcascade.report.content import (
     Column,
     Measured,
     Note,
+    Picture,
     Section,
     Span,
     Table,
     Tile,
     number_text,
-    picture,
     section,
     table,
 )
@@ -252,15 +253,17 @@ def numbers(found: DiagnosisResult) -> Section:
     return section(
         "numbers", "Numbers of the causes",
         Note(words.stability_words(found), brief=False) if found.causes else None,
-        picture(
-            profile_figure(model) if model else None, "rolloff",
+        None if model is None else Picture(
+            "rolloff",
             "Back-EMF constant over the stator current (the paper's Fig. 18e).",
             "A falling curve with a band; its value at 10 A is in the table of causes.",
+            partial(profile_figure, model),
         ),
-        picture(
-            stability_figure(found), "stability",
+        Picture(
+            "stability",
             f"Number of each cause in every {item}, 95 %; band: the joint number.",
             f"Points with error bars for every {item}, and a band; the values are in the JSON.",
+            partial(stability_figure, found),
         ),
         folded=True,
     )  # fmt: skip

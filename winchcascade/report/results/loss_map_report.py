@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -19,11 +20,11 @@ from winchcascade.report.content import (
     Report,
     Section,
     Span,
-    picture,
     section,
     shown,
     table,
 )
+from winchcascade.report.figures.loss_map_figures import loss_figure
 from winchcascade.report.glossary import upper
 from winchcascade.report.results.common import data_note, provenance
 from winchcascade.report.results.diagnosis_sentences import AXES
@@ -43,39 +44,30 @@ LAWS: tuple[Column[MappedLaw], ...] = (
 )
 
 
-def loss_map_section(found: LossMap, drawn: Sequence[Picture | None] = ()) -> Section:
-    """Laws and quality of a loss map; `drawn` are the figures of `loss_map_pictures`."""
+def loss_map_section(found: LossMap) -> Section:
+    """Heat map of the loss and of its band, laws and quality of a loss map."""
     motion, load = (AXES[name][0] for name in found.axes)
+    labels = tuple(f"{upper(name)} ({unit})" for name, unit in (AXES[axis] for axis in found.axes))
     caption = f"Loss over {motion} and {load}: the sum of these laws. After `or`, laws that explain the points as well."
     return section(
-        "loss-map", "Loss map", *drawn,
+        "loss-map", "Loss map",
+        Picture(
+            "loss-heat",
+            f"Power lost from {found.path.into.name} to {found.path.out.name}, its 95 % band, and "
+            f"the operating points; hatched: no data.",
+            "Heat maps of the loss and its band with dots at the operating points; the laws are "
+            "in the table.",
+            partial(loss_figure, found, labels),
+        ),
         table("loss-laws", caption, LAWS, found.laws),
         table("loss-quality", "Points of the loss map, and how the laws meet them.", PAIRS, _quality(found)),
     )  # fmt: skip
-
-
-def loss_map_pictures(found: LossMap) -> list[Picture | None]:
-    """Heat map of the loss and of its band. Called within the style of figures."""
-    from winchcascade.report.figures.loss_map_figures import loss_figure
-
-    into, out = found.path.into.name, found.path.out.name
-    motion, load = (f"{upper(name)} ({unit})" for name, unit in (AXES[axis] for axis in found.axes))
-    return [
-        picture(
-            loss_figure(found, (motion, load)), "loss-heat",
-            f"Power lost from {into} to {out}, its 95 % band, and the operating points; hatched: "
-            f"no data.",
-            "Heat maps of the loss and its band with dots at the operating points; the laws are "
-            "in the table.",
-        ),
-    ]  # fmt: skip
 
 
 def campaign_loss_map_report(
     found: LossMap,
     title: str,
     origins: Sequence[Origin],
-    drawn: Sequence[Picture | None] = (),
     links: Sequence[Link] = (),
     *,
     command: str = "",
@@ -87,7 +79,7 @@ def campaign_loss_map_report(
         title=f"{title}: loss map of {len(names)} logs",
         points=[data_note(origins)],
         sections=[
-            loss_map_section(found, drawn),
+            loss_map_section(found),
             provenance([("Logs", ", ".join(names))], command),
         ],
         banner=banner(origins),

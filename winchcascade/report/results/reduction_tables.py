@@ -214,29 +214,9 @@ PHASE_COLUMNS = (
 plateau.
 """
 
-MEAN_COLUMNS = (
-    _phase("v_max", "payout", "speed_max", "m/s", 2),
-    _phase("F", "payout.plateau", "force", "N", 0),
-    _phase("τ", "payout.plateau", "torque", "N.m", 1),
-    *(
-        _phase(f"P_{s} plateau", "payout.plateau", f"power_{s}", "W", 0)
-        for s in ("line", "mech", "gen")
-    ),
-    _phase("F_hold", "hold", "force", "N", 0),
-    _phase("τ_hold", "hold", "torque", "N.m", 1),
-    _phase("p_hold", "hold", "pressure", "kg/cm2", 2),
-    _phase("v haul-in", "haul_in", "speed_max", "m/s", 2),
-    _phase("F_mean", "haul_in", "force", "N", 0),
-    _phase("F_min", "haul_in", "force_min", "N", 0),
-    _phase("E haul-in", "haul_in", "energy_line", "J", 0),
-)
-"""Time means over plateau and hold, then numbers of the haul-in."""
 
-
-def phases_tables(reduction: Reduction) -> tuple[Table[CycleResult], Table[CycleResult] | None]:
-    """Instants and durations of the phases of every cycle, and time means over them where any is
-    known.
-    """
+def phases_table(reduction: Reduction) -> Table[CycleResult]:
+    """Instants and durations of the phases of every cycle; the JSON has their means too."""
     zero, word = clock_zero(reduction.run), span_word(reduction)
     since = f"; onset since {zero:.2f} s on the log's clock" if zero else ""
     spans = [
@@ -245,19 +225,7 @@ def phases_tables(reduction: Reduction) -> tuple[Table[CycleResult], Table[Cycle
         _phase("payout" if word == "payout" else "length", "payout", "duration", "s", 2),
         *PHASE_COLUMNS,
     ]
-    means = "Time means over plateau (F, τ, P), hold and haul-in, whose energy returns to the line."
-    known = Table(
-        "phase-means",
-        means,
-        [CYCLE, *MEAN_COLUMNS],
-        reduction.cycles,
-        brief=False,
-        limit=LISTED_CYCLES,
-    ).used()
-    return (
-        Table("phases", f"Phases{since}.", spans, reduction.cycles, limit=LISTED_CYCLES),
-        known if len(known.columns) > 1 else None,
-    )
+    return Table("phases", f"Phases{since}.", spans, reduction.cycles, limit=LISTED_CYCLES)
 
 
 def bins_table(reduction: Reduction) -> Table[Bin] | None:

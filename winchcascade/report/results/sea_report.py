@@ -16,14 +16,14 @@ from winchcascade.report.content import (
     Column,
     Measured,
     Note,
+    Picture,
     Report,
     Span,
-    picture,
     section,
     shown,
     table,
 )
-from winchcascade.report.figures.style import house_style
+from winchcascade.report.figures import sea_figures as figures
 from winchcascade.report.results.common import provenance
 from winchcascade.report.results.judgement import judgement_banner, judgement_note, judgement_record
 from winchcascade.rig.ledger import LEDGER
@@ -116,11 +116,8 @@ def sea_csv(found: SeaStudy) -> str:
 
 
 # ----------------------------------------------------------------------------------------- report
-@house_style()
 def sea_report(found: SeaStudy, *, command: str = "") -> Report:
     """Report of a rig in waves."""
-    from winchcascade.report.figures import sea_figures as figures
-
     tested, seas = found.tested, found.seas
     rows = [row for row in found.rows if not row.reason]
     outside = max(row.outside for row in rows)
@@ -151,26 +148,30 @@ def sea_report(found: SeaStudy, *, command: str = "") -> Report:
             *(Note(f"{row.hs:g} m, {row.tp:g} s: {row.reason}", "No result", "warn") for row in found.rows if row.reason),
         ],
         sections=[
-            section("power", "Mean power", picture(
-                figures.power_figure(found), "power",
+            section("power", "Mean power", Picture(
+                "power",
                 "Mean power at the DC link in each sea [W]; italic or hollow where the logs do "
                 "not cover the motion.",
                 "Mean power over wave height and period; the values are in the table.",
+                partial(figures.power_figure, found),
             ), _power_table(found)),
-            section("losses", "Losses", picture(
-                figures.losses_figure(found), "losses", "Where the net power of the line goes in "
-                                                        "each sea.",
+            section("losses", "Losses", Picture(
+                "losses",
+                "Where the net power of the line goes in each sea.",
                 "Stacked shares for each sea; the values are in the table.",
+                partial(figures.losses_figure, found),
             ), _losses_table(found)),
-            *([section("gains", "Loads compared", picture(
-                figures.gains_figure(found), "gains", "Gain of mean power of one way to choose "
-                                                      "the load over another.",
+            *([section("gains", "Loads compared", Picture(
+                "gains",
+                "Gain of mean power of one way to choose the load over another.",
                 "Points with intervals for each sea; the values are in the table.",
+                partial(figures.gains_figure, found),
             ), _gains_table(found))] if any(row.gain for row in rows) else []),
-            section("peaks", "Peaks", picture(
-                figures.peaks_figure(found), "peaks", "Largest values of each sea, and the limits "
-                                                      "that are set.",
+            section("peaks", "Peaks", Picture(
+                "peaks",
+                "Largest values of each sea, and the limits that are set.",
                 "Points with intervals for each sea; the values are in the table.",
+                partial(figures.peaks_figure, found),
             ), _peaks_table(found)),
             provenance(
                 [("Loads of the logs (ohm)", ", ".join(f"{load:g}" for load in tested.loads)),

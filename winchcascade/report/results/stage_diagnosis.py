@@ -4,6 +4,7 @@ tried.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 from winchcascade.diagnosis.diagnosis_result import Place, StageEnergy
@@ -13,10 +14,10 @@ from winchcascade.report.content import (
     Column,
     Measured,
     Note,
+    Picture,
     Report,
     Section,
     Table,
-    picture,
     section,
     table,
 )
@@ -29,7 +30,6 @@ from winchcascade.report.diagnosis_names import (
     word_of,
 )
 from winchcascade.report.figures import stage_figures as figures
-from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import upper
 from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.diagnosis_parts import (
@@ -53,7 +53,6 @@ LISTED_SETS = 12
 """Sets of suspects that are listed; all are in the JSON."""
 
 
-@house_style()
 def stage_report(found: StageDiagnosis, *, command: str = "") -> Report:
     """Report of a cascade of which the powers of neighbouring stages are known."""
     word, data = word_of(found), found.data
@@ -159,10 +158,11 @@ def _where(found: StageDiagnosis, word: str) -> Section:
     factor, k = figures.prefix(max(place.rms for place in found.places))
     return section(
         "where", "Where the gap lies",
-        picture(
-            figures.power_history(found, word), "history", f"Power that comes out: {word} and "
-                                                           f"predicted; below, the residual.",
+        Picture(
+            "history",
+            f"Power that comes out: {word} and predicted; below, the residual.",
             "Lines over time; root mean squares are in the table.",
+            partial(figures.power_history, found, word),
         ),
         table(
             "places", f"{upper(word)} power that comes out minus that which goes in, stage by "
@@ -196,10 +196,11 @@ def _how_far(found: StageDiagnosis, word: str) -> Section:
 
     return section(
         "how-far", "How far the gap closes",
-        picture(
-            figures.power_scatter(found, word), "scatter",
+        Picture(
+            "scatter",
             f"{upper(word)} over predicted power at samples of the judged cycles.",
             "Clouds of marks about a diagonal, wide before and narrow after.",
+            partial(figures.power_scatter, found, word),
         ),
         table(
             "cycle-energies", "Energy by stage, cycle and phase, with the uncertainty of the "
