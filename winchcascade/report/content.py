@@ -26,14 +26,11 @@ Tone = Literal["plain", "good", "warn"]
 class Measured(NamedTuple):
     """A value with its standard uncertainty, which decides its digits; shown with it where `both`,
     with a plus where `signed`.
-
-    `alone`: it has decimals of its own in a column whose other numbers have theirs in common.
     """
 
     value: float | None
     u: float | None = None
     both: bool = False
-    alone: bool = False
     signed: bool = False
 
 
@@ -101,29 +98,13 @@ def shown(cell: Cell, decimals: int | None = None, *, signed: bool = False) -> s
     return " to ".join(ends) if ends != ["-", "-"] else "-"
 
 
-def common_places(cells: Iterable[Cell]) -> int | None:
-    """Decimals of a column: those of its median uncertainty, of two in the middle the smaller one;
-    None without any.
-
-    >>> common_places([Measured(1439.0, 61.8), Measured(904.4, 14.5), Measured(488.4, 4.8), "text"])
-    0
-    """
-    weighed = [
-        cell
-        for cell in cells
-        if isinstance(cell, Span) or (isinstance(cell, Measured) and not cell.alone)
-    ]
-    allowed = sorted(places(cell.u) for cell in weighed if known(cell.u))
-    return allowed[len(allowed) // 2] if allowed else None
-
-
 # ----------------------------------------------------------------------------------------- tables
 class Column(msgspec.Struct, Generic[T], frozen=True):
-    """Column of a table: name, what its cell is for the item of a row, unit, and decimals.
+    """Column of a table: name, what its cell is for the item of a row, unit, and the decimals of
+    numbers whose uncertainty is unknown; four significant digits without any.
 
-    `brief` ones stand in a terminal too. `signed` numbers above zero have a plus. `own_digits`:
-    rows differ in quantity or unit, so that each number has its own decimals. `link` is the address
-    that a cell leads to on a page.
+    `brief` ones stand in a terminal too. `signed` numbers above zero have a plus. `link` is the
+    address that a cell leads to on a page.
     """
 
     name: str
@@ -132,27 +113,11 @@ class Column(msgspec.Struct, Generic[T], frozen=True):
     decimals: int | None = None
     brief: bool = True
     signed: bool = False
-    own_digits: bool = False
     link: Callable[[T], str] | None = None
 
-    def texts(self, cells: Sequence[Cell]) -> list[str]:
-        """Cells as they are shown, with decimals in common."""
-        common = None if self.own_digits else common_places(cells)
-        return [self._text(cell, common) for cell in cells]
-
-    def _text(self, cell: Cell, common: int | None) -> str:
-        if (
-            common is None
-            or not isinstance(cell, Measured | Span)
-            or (isinstance(cell, Measured) and cell.alone)
-        ):
-            return shown(cell, self.decimals, signed=self.signed)
-        text = shown(cell._replace(u=None), common, signed=self.signed)
-        return (
-            f"{text} +- {number_text(cell.u, common)}"
-            if isinstance(cell, Measured) and cell.both and known(cell.u)
-            else text
-        )
+    def text(self, cell: Cell) -> str:
+        """A cell as it is shown."""
+        return shown(cell, self.decimals, signed=self.signed)
 
 
 class Table(msgspec.Struct, Generic[T], frozen=True):
@@ -180,9 +145,10 @@ class Table(msgspec.Struct, Generic[T], frozen=True):
     @property
     def texts(self) -> list[list[str]]:
         """Rows as they are shown, all of them."""
-        rows = self.cells
-        columns = [column.texts([row[k] for row in rows]) for k, column in enumerate(self.columns)]
-        return [list(row) for row in zip(*columns, strict=True)]
+        return [
+            [column.text(cell) for column, cell in zip(self.columns, row, strict=True)]
+            for row in self.cells
+        ]
 
     @property
     def left(self) -> list[bool]:
@@ -267,7 +233,7 @@ def table(
 
 PAIRS: tuple[Column[tuple[str, Cell]], ...] = (
     Column("Item", lambda row: row[0]),
-    Column("Value", lambda row: row[1], own_digits=True),
+    Column("Value", lambda row: row[1]),
 )
 """Columns of a table of two texts."""
 

@@ -15,7 +15,7 @@ from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Contribution, DiagnosisResult, NamedCause
 from winchcascade.diagnosis.explain.contributions import leading_metric, loaded_part
-from winchcascade.diagnosis.fit.block_means import HAUL_IN, PAYOUT
+from winchcascade.diagnosis.fit.block_means import HAUL_IN, PAYOUT, PHASES
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.judge.causes import posterior_of
 from winchcascade.rig.effects.laws import share_of_k_e
@@ -106,13 +106,19 @@ class SimulatedCycle(NamedTuple):
 
 
 def largest_gap(found: ModelDiagnosis, table: pd.DataFrame) -> SimulatedCycle | None:
-    """The cycle with the largest mean square of the gap of the baseline over its noise; None
-    where no run has a payout.
+    """The cycle with the largest mean square of the gap of the baseline over its noise at the place
+    of the map with the largest one, where blocks show it; None where no run has a payout.
     """
-    gap = table.assign(
+    gap = table[table.cycle > 0].assign(
         square=((table.logged - table.before) / table.noise.where(table.noise > 0.0, 1.0)) ** 2
     )
-    gaps = gap[gap.cycle > 0].groupby(["log", "cycle"]).square.mean()
+    known = [place for place in found.places if math.isfinite(place.z)]
+    if known:
+        worst = max(known, key=lambda place: abs(place.z))
+        here = (gap.log == worst.log) & (gap.channel == worst.channel)
+        own = gap[here & (gap.phase == PHASES.index(worst.phase))]
+        gap = gap if own.empty else own
+    gaps = gap.groupby(["log", "cycle"]).square.mean()
     if gaps.empty:
         return None
     log, cycle = map(int, gaps.idxmax())

@@ -15,6 +15,7 @@ from winchcascade.report.figures.style import (
     COLOURS,
     LineStyle,
     dots,
+    from_zero,
     label_panel,
     legend_above,
     line_entry,
@@ -85,6 +86,7 @@ def back_emf_figure(fit: BackEmf, reference: float, *, word: str) -> Figure:
         entries += [line_entry("rig file", "soft", **rig), patch_entry("rig file ± 10 %", "payout")]
     ax.plot(ends, fit.k_e * ends, color=COLOURS["mech"], lw=0.9)
     dots(ax, fit.rpm, fit.v_ll, COLOURS["ink"])
-    ax.set(xlim=ends, ylim=(0.0, None), xlabel=SPEED, ylabel="Back-EMF, line to line, rms (V)")
+    from_zero(ax)
+    ax.set(xlim=ends, xlabel=SPEED, ylabel="Back-EMF, line to line, rms (V)")
     legend_above(figure, entries)
     return figure

@@ -10,7 +10,7 @@ import numpy as np
 
 from winchcascade.core.cascade import field_of
 from winchcascade.core.run import Signal
-from winchcascade.reduction.campaign_record import LogSummary, cascade_of, rule_of
+from winchcascade.reduction.campaign_record import LogSummary, cascade_of, rule_of, unlike_motion
 from winchcascade.report.figures.reduction_figures import stage_of
 from winchcascade.report.figures.style import (
     COLOURS,
@@ -108,8 +108,10 @@ def _points(ax: Axes, runs: Sequence[LogSummary], names: Sequence[str], unit: st
                 **line | {"ls": "none"},
                 **mark | hollow,
             )
-            ax.plot(*(_means(own_x, own_y) if repeated(runs) else (own_x, own_y)), **line)
-        ax.plot([], [], **line, **mark)  # for the legend: the points on their line
+            if not unlike_motion(runs):
+                ax.plot(*(_means(own_x, own_y) if repeated(runs) else (own_x, own_y)), **line)
+        joined = {"ls": "none"} if unlike_motion(runs) else {}
+        ax.plot([], [], **line | joined, **mark)  # for the legend: the points on their line
     if at is not None:
         _label_loads(ax, sorted(set(at)))
     elif len(runs) <= DRAWN_RUNS:

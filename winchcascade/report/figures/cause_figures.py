@@ -22,6 +22,7 @@ from winchcascade.report.diagnosis_names import baseline_words, runs_with_number
 from winchcascade.report.figures.style import (
     COLOURS,
     NARROW,
+    LineStyle,
     broken,
     legend_above,
     line_entry,
@@ -153,7 +154,7 @@ def profile_figure(found: ModelDiagnosis) -> Figure | None:
         line_entry("rig file", lw=0.9, ls="--"),
     ]
     rated = found.rig.generator.i_rated
-    if rated is not None:
+    if rated is not None and rated.value <= current[-1]:
         ax.axvline(rated.value, color=COLOURS["soft"], lw=0.9, ls=":")
         entries.append(line_entry(f"rated, {rated.value:g} A", "soft", lw=0.9, ls=":"))
     ax.set(xlim=(0.0, current[-1] * 1.01), xlabel="Stator current (A rms)")
@@ -167,7 +168,8 @@ NAMED_RUNS = 8
 """Maximum number of runs of which each is named by its load."""
 
 WIDE = 4.0
-"""An interval that is longer than the median one by more than this factor leaves its panel."""
+"""An interval that is longer than the median one by more than this factor leaves its panel, with an
+arrow there."""
 
 TITLE = 46
 """Characters of a line of a panel's title."""
@@ -216,12 +218,17 @@ def _run_by_run(ax: Axes, found: DiagnosisResult, cause: NamedCause) -> None:
     )
     ax.axhspan(*band, color=COLOURS["gen"], alpha=0.25, lw=0)
     ax.axhline(joint.value * how.factor, color=COLOURS["gen"], lw=1.2)
-    ax.vlines(at, low, high, color=COLOURS["ink"], lw=1.1)
-    ax.plot(at, value, ls="none", marker="o", ms=3.5, color=COLOURS["ink"])
     usual = high - low <= WIDE * np.nanmedian(high - low)
     ends = np.array([*low[usual], *high[usual], *band])
     pad = 0.08 * float(np.ptp(ends))
-    ax.set(xlim=(0.5, len(table) + 0.5), ylim=(ends.min() - pad, ends.max() + pad))
+    bottom, top = float(ends.min() - pad), float(ends.max() + pad)
+    ax.set(xlim=(0.5, len(table) + 0.5), ylim=(bottom, top))
+    ax.vlines(at, np.maximum(low, bottom), np.minimum(high, top), color=COLOURS["ink"], lw=1.1)
+    inside = (value >= bottom) & (value <= top)
+    marks: LineStyle = {"ls": "none", "ms": 3.5, "color": COLOURS["ink"]}
+    ax.plot(at[inside], value[inside], marker="o", **marks)
+    for beyond, edge, arrow in ((high > top, top, "^"), (low < bottom, bottom, "v")):
+        ax.plot(at[beyond], np.full(np.count_nonzero(beyond), edge), marker=arrow, **marks)
     if isinstance(found, StageDiagnosis):
         ax.set_xlabel("Cycle, one after the other")
     elif len(table) <= NAMED_RUNS:

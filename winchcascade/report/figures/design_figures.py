@@ -13,6 +13,7 @@ from winchcascade.report.figures.style import (
     COLOURS,
     Entry,
     LineStyle,
+    from_zero,
     label_panel,
     legend_above,
     line_entry,
@@ -52,7 +53,7 @@ def schedule_figure(found: Design) -> Figure | None:
         inside = np.array([one.within_domain for one in own], dtype=bool)
         _points(axes, middle, load, inside, colour, mark)
     axes.set(xlabel="Generator speed (rpm)", ylabel="Load (Ω)")
-    axes.set_ylim(bottom=0.0)
+    from_zero(axes)
     most = [
         line_entry(f"most {name}", colour, marker=mark, ms=4)
         for name, (colour, mark) in LOOKS.items()

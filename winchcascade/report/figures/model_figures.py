@@ -163,9 +163,6 @@ def _panel(ax: Axes, letter: str, name: str, drawn: Sequence[Drawn], maximum: in
     ax.set(xlabel=shown.over, ylabel=f"{shown.title} ({unit})")
     if letter:
         label_panel(ax, letter, shown.title, unit="Efficiency (1)" if unit == "1" else unit)
-    if name == "eta_gen":
-        low, high = ax.get_ylim()
-        ax.set_ylim(max(low, 0.0), max(high, 0.9))
 
 
 def _legend(figure: Figure, drawn: Sequence[Drawn], *, word: str, shaded: bool) -> None:
@@ -260,7 +257,7 @@ def budget_bars(names: Sequence[str], budgets: Sequence[LossBudget], *, word: st
         f"{name}\n{number_text(budget.line)} J" for name, budget in zip(names, budgets, strict=True)
     ]
     ax.set_yticks(rows, labels)
-    ax.set(ylim=(-0.62, len(names) - 0.52), xlim=(min(0.0, float(left.min())), 100.0))
+    ax.set(ylim=(-0.62, len(names) - 0.52), xlim=(min(0.0, ax.get_xlim()[0]), None))
     ax.set_xlabel("Share of the line's energy in the window (%)")
     ax.grid(axis="y", visible=False)
     legend_above(figure, entries)

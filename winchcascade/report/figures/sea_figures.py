@@ -11,6 +11,7 @@ import numpy as np
 
 from winchcascade.report.figures.style import (
     COLOURS,
+    from_zero,
     label_panel,
     legend_above,
     line_entry,
@@ -59,7 +60,7 @@ def power_figure(found: SeaStudy) -> Figure:
     x = np.arange(len(rows))
     _bars(axes, x, [row.values["p_gen_w"] for row in rows], [row.outside > COVERED for row in rows])
     axes.set(ylabel="Mean power at the DC link (W)")
-    axes.set_ylim(bottom=0.0)
+    from_zero(axes)
     _name_seas(axes, rows)
     return figure
 
@@ -180,7 +181,7 @@ def peaks_figure(found: SeaStudy) -> Figure:
         if name in found.limits and found.seas.froude == 1.0:
             axes.axhline(found.limits[name], color=COLOURS["repaired"], lw=1.0)
         label_panel(axes, letter, PEAK_TITLES[quantity], unit=QUANTITIES[quantity])
-        axes.set_ylim(bottom=0.0)
+        from_zero(axes)
         _name_seas(axes, rows)
     return figure
 

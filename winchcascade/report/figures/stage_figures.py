@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from winchcascade.diagnosis.diagnosis_result import StageEnergy
 from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.report.figures.diagnosis_figures import DASHES
 from winchcascade.report.figures.style import (
@@ -44,17 +45,30 @@ def prefix(size: float) -> tuple[float, str]:
     return (1e-3, "k") if size >= 1e3 else (1.0, "")
 
 
-def power_history(found: StageDiagnosis, word: str) -> Figure:
-    """Draw the power of two cycles over time, with the residual below, and the largest gap of them
-    enlarged.
+def worst_cycle(found: StageDiagnosis) -> StageEnergy | None:
+    """Energy of the cycle, stage and phase from which the prediction deviates by the largest
+    share; None without any.
     """
-    judged = found.data.judged
-    own_rows = (judged.part == judged.part[0]) & (judged.path == _widest(found))
+    known = [one for one in found.energies if one.phase != "hold" and one.measured]
+    return max(known, key=lambda one: abs(one.after / one.measured - 1.0), default=None)
+
+
+def power_history(found: StageDiagnosis, word: str) -> Figure:
+    """Draw the power of the worst cycle and the next one over time, with the residual below, and
+    the largest gap of them enlarged.
+    """
+    judged, worst, path = found.data.judged, worst_cycle(found), _widest(found)
+    part = judged.part[0]
+    if worst is not None:
+        part = worst.run
+        path = [one.out.name for one in found.data.paths].index(worst.stage)
+    own_rows = (judged.part == part) & (judged.path == path)
     rows = judged.some(own_rows)
     t, cycles = rows.t, np.unique(rows.own_cycle)
     measured, given = rows.given + rows.gap, rows.given
     caused = None if found.closure is None else measured - found.closure.after[own_rows]
-    middle = cycles[max(cycles.size // 2 - 1, 0) :][:SHOWN]
+    first = 0 if worst is None else int(np.searchsorted(cycles, worst.cycle or 0))
+    middle = cycles[min(first, max(cycles.size - SHOWN, 0)) :][:SHOWN]
     own = t[np.isin(rows.own_cycle, middle)]
     shown = (t >= own[0]) & (t <= own[-1])
     about = t[shown][np.argmax(np.abs(rows.gap[shown]))]
@@ -62,7 +76,8 @@ def power_history(found: StageDiagnosis, word: str) -> Figure:
     figure = wide_figure(4.3)
     axes = figure.subplots(2, 2, sharex="col", width_ratios=(2.1, 1.0), height_ratios=(1.7, 1.0))
     factor, k = prefix(float(np.max(np.abs(measured))))
-    title = f"{'Two cycles' if middle.size > 1 else 'One cycle'} of {found.data.parts[rows.part[0]].run.name}"
+    numbers = " and ".join(map(str, middle.tolist()))
+    title = f"Cycle{'s' * (middle.size > 1)} {numbers} of {found.data.parts[part].run.name}"
     for column, (here, text) in enumerate(((shown, title), (near, "Where they differ most"))):
         above, below = axes[:, column]
         for power, colour, style in (
@@ -103,7 +118,7 @@ def power_scatter(found: StageDiagnosis, word: str) -> Figure | None:
     factor, k = prefix(float(np.max(np.abs(rows.given))))
     powers = np.array([rows.given + rows.gap, rows.given, rows.given + rows.gap - after])
     measured, *sides = powers[:, :: max(after.size // MARKS, 1)] * factor
-    ends = np.quantile(measured, (0.0005, 0.9995)).tolist()
+    ends = [float(np.min(powers) * factor), float(np.max(powers) * factor)]
     figure, axes = panel_figure(3.1, 1, 2, share="xy")
     for ax, letter, predicted, colour, title in zip(
         axes, "ab", sides, ("mech", "gen"), (GIVEN, CAUSED), strict=True

@@ -208,6 +208,11 @@ def label_panel(
     axes.set(**{"xlabel": x} if x else {}, **{"ylabel": label} if label else {})
 
 
+def from_zero(ax: Axes) -> None:
+    """Begin a vertical axis at zero, or below it where a mark lies there."""
+    ax.set_ylim(bottom=min(0.0, ax.dataLim.y0))
+
+
 def shade_over_speed(ax: Axes, rated: float | None) -> bool:
     """Shade what lies over the rated speed of the generator, if the axis extends that far; True
     if it does.

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     import jinja2
     from markupsafe import Markup
 
+IDENTIFIER = re.compile(r"\([a-z][a-z0-9]*(?:_[a-z0-9]+)+(?:\([^()]*\))?\)")
+"""An identifier in brackets behind the label of what it names, which is set small."""
+
 LONG = 32
 """A longer text in a cell may break into lines. [characters]"""
 
@@ -78,7 +81,8 @@ def _text(text: str) -> Markup:
     """A text as a page sets it."""
     from markupsafe import Markup, escape
 
-    return Markup(SUBSCRIPT.sub(r"\1<sub>\2</sub>", str(escape(typeset(clean(text))))))
+    low = SUBSCRIPT.sub(r"\1<sub>\2</sub>", str(escape(typeset(clean(text)))))
+    return Markup(IDENTIFIER.sub(r"<small>\g<0></small>", low))
 
 
 def _rows(table: Table[Any]) -> dict[str, Any]:

@@ -48,12 +48,12 @@ WHAT = {
 
 NUMBERS: tuple[Column[Number], ...] = (
     Column("number", lambda n: n.name),
-    Column("rig file", lambda n: Measured(n.before, n.u), own_digits=True),
-    Column("found", lambda n: Measured(n.value, n.u), own_digits=True),
-    Column("u", lambda n: Measured(n.u, n.u), own_digits=True, brief=False),
-    Column("95 % interval", lambda n: Span(n.low, n.high, n.u), own_digits=True),
+    Column("rig file", lambda n: Measured(n.before, n.u)),
+    Column("found", lambda n: Measured(n.value, n.u)),
+    Column("u", lambda n: Measured(n.u, n.u), brief=False),
+    Column("95 % interval", lambda n: Span(n.low, n.high, n.u)),
     Column("unit", lambda n: "" if n.unit == "1" else n.unit),
-    Column("change", lambda n: _change(n), "%", signed=True, own_digits=True),
+    Column("change", lambda n: _change(n), "%", signed=True),
     Column("found from", lambda n: n.how, brief=False),
 )
 

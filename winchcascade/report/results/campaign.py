@@ -5,7 +5,7 @@ was found in its logs.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -47,7 +47,7 @@ from winchcascade.report.results.campaign_tables import (
     given,
     interval,
     logs_table,
-    mean_texts,
+    mean_of,
     net_table,
     repeatability_table,
     uncertainty_table,
@@ -193,20 +193,16 @@ def tiles(runs: Sequence[LogSummary]) -> list[Tile]:
         return []
     cascade, best, found = cascade_of(runs), rank_loads(loaded(runs)).best, []
     eta, power = cascade.overall, f"power_{cascade.names[-1]}"
-    texts = mean_texts(runs, (eta, power))
     if best is not None:
         there = "there" if best.logs == 1 else f"there, highest of {best.logs} logs"
         ends = f"95 %: {shown(interval(best.run, eta))}"
         found += [
             Tile("Best load", "", called(best.run), f"with a probability of {_likely(best)} %"),
-            Tile(eta, there, texts[best.run.name, eta], ends),
+            Tile(eta, there, mean_of(best.run, eta), ends),
         ]
     return [
         *found,
-        *(
-            _largest(runs, name, texts)
-            for name in given(_closed(runs), [eta, power][bool(found) :])
-        ),
+        *(_largest(runs, name) for name in given(_closed(runs), [eta, power][bool(found) :])),
     ]
 
 
@@ -214,7 +210,7 @@ def _closed(runs: Sequence[LogSummary]) -> list[LogSummary]:
     return [run for run in runs if not run.open_circuit]
 
 
-def _largest(runs: Sequence[LogSummary], name: str, texts: Mapping[tuple[str, str], str]) -> Tile:
+def _largest(runs: Sequence[LogSummary], name: str) -> Tile:
     """The largest mean of a metric of any log with a load."""
     known = [run for run in _closed(runs) if run.mean.get(field_of(name)) is not None]
     run, unit = max(known, key=lambda run: run.mean[field_of(name)] or 0.0), metric(name).unit
@@ -224,7 +220,7 @@ def _largest(runs: Sequence[LogSummary], name: str, texts: Mapping[tuple[str, st
     return Tile(
         name,
         f"largest, at {called(run)}{speed}",
-        f"{texts[run.name, name]} {unit}".rstrip(),
+        f"{mean_of(run, name)} {unit}".rstrip(),
         beside,
     )
 
@@ -243,9 +239,9 @@ def verdict_note(runs: Sequence[LogSummary]) -> Note | None:
             if several
             else None
         )
-    best, texts = ranking.best, mean_texts(runs, [eta])
+    best = ranking.best
     values = [
-        f"{called(run)} with {eta} = {texts[run.name, eta]}" for run in (best.run, best.following)
+        f"{called(run)} with {eta} = {mean_of(run, eta)}" for run in (best.run, best.following)
     ]
     if best.likely > 0.95:
         return Note(f"Best load: {values[0]}, then {values[1]}.", "Verdict", "good")

@@ -15,6 +15,7 @@ from winchcascade.report.content import (
     Note,
     Report,
     Tile,
+    known,
     places,
     section,
     shown,
@@ -106,7 +107,7 @@ def miss_sentence(cell: CellCheck) -> str:
         return f"{place}, and {log} has no measured value."
     difference = shown(_finer(cell, cell.difference), signed=True)
     return (
-        f"{place}, {log} gives {shown(_finer(cell, cell.measured))}; the difference {difference} "
+        f"{place}, {log} gives {shown(_found(cell))}; the difference {difference} "
         f"is beyond "
         f"{shown(_finer(cell, cell.tolerance))} by {shown(beyond(cell))}."
     )
@@ -142,17 +143,13 @@ def _columns(check: Check) -> list[Column[CellCheck]]:
         Column(
             "printed",
             lambda cell: Measured(cell.cell.value, PRINTED * cell.cell.rounding),
-            own_digits=True,
         ),
-        Column("found", lambda cell: _finer(cell, cell.measured), own_digits=True),
-        Column("differs", lambda cell: _finer(cell, cell.difference), own_digits=True, signed=True),
-        Column("allowed", partial(_allowed, "tolerance"), own_digits=True),
-        Column("beyond", beyond, own_digits=True),
+        Column("found", _found),
+        Column("differs", lambda cell: _finer(cell, cell.difference), signed=True),
+        Column("allowed", partial(_allowed, "tolerance")),
+        Column("beyond", beyond),
         Column("outcome", lambda cell: OUTCOMES[cell.outcome]),
-        *(
-            Column(PARTS[part], partial(_allowed, part), brief=False, own_digits=True)
-            for part in _parts(check)
-        ),
+        *(Column(PARTS[part], partial(_allowed, part), brief=False) for part in _parts(check)),
         Column(
             "log", lambda cell: one_line(Path(cell.log).name) if cell.log else "", brief=several
         ),
@@ -174,6 +171,13 @@ def _parts(check: Check) -> list[str]:
 def _finer(cell: CellCheck, value: float | None) -> Measured:
     """A value with one decimal more than is printed."""
     return Measured(value, 0.1 * PRINTED * cell.cell.rounding)
+
+
+def _found(cell: CellCheck) -> Measured:
+    """The measured value with the digits of its own uncertainty; where that is unknown, one
+    decimal more than is printed.
+    """
+    return Measured(cell.measured, cell.u) if known(cell.u) else _finer(cell, cell.measured)
 
 
 def _allowed(part: str, cell: CellCheck) -> Measured | None:

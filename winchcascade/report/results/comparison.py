@@ -127,10 +127,10 @@ DIFFERENCE: tuple[Column[Row], ...] = (
     Column("metric", lambda row: short(row.of.metric)),
     Column("run", lambda row: row.runs.label),
     Column("unit", lambda row: metric(row.of.metric).unit),
-    Column("A", lambda row: Measured(row.of.a, row.u), own_digits=True),
-    Column("B", lambda row: Measured(row.of.b, row.u), own_digits=True),
-    Column("B - A", lambda row: Measured(row.of.value, row.u), signed=True, own_digits=True),
-    Column("95 % interval", lambda row: row.interval, own_digits=True),
+    Column("A", lambda row: Measured(row.of.a, row.u)),
+    Column("B", lambda row: Measured(row.of.b, row.u)),
+    Column("B - A", lambda row: Measured(row.of.value, row.u), signed=True),
+    Column("95 % interval", lambda row: row.interval),
     Column(
         "B/A - 1",
         lambda row: row.of.relative and 100.0 * row.of.relative,
@@ -144,13 +144,11 @@ DIFFERENCE: tuple[Column[Row], ...] = (
         "u, cycles",
         lambda row: Measured(row.of.repeatability, row.of.repeatability),
         brief=False,
-        own_digits=True,
     ),
     Column(
         "u, sensors",
         lambda row: Measured(row.of.sensors, row.of.sensors),
         brief=False,
-        own_digits=True,
     ),
     Column("ν", lambda row: row.of.freedom, decimals=1, brief=False),
 )

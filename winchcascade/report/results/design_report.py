@@ -25,6 +25,7 @@ from winchcascade.report.content import (
     shown,
     table,
 )
+from winchcascade.report.diagnosis_names import call_all, called
 from winchcascade.report.figures.design_figures import map_figure, schedule_figure
 from winchcascade.report.results.common import provenance
 from winchcascade.report.results.judgement import judgement_banner, judgement_note, judgement_record
@@ -143,7 +144,7 @@ def design_report(found: Design, *, command: str = "") -> Report:
             Note("Predicted by the corrected rig without errors of its sensors; no value was "
                  "measured.", "Data", "warn"),
             judgement_note(tested.judgement),
-            Note("; ".join(f"{name} or {' or '.join(others)}" for name, others in alike.items())
+            Note("; ".join(call_all([name, *others], between=" or ") for name, others in alike.items())
                  + ": the logs do not distinguish them, and a repair is worth what is stated only if the first acts.",
                  "Alike", "warn") if alike else None,
             Note("; ".join(best), "Best fixed load"),
@@ -196,7 +197,7 @@ def _schedule_table(found: Design) -> Any:
     columns: list[Column[Scheduled]] = [
         Column("for most", lambda one: one.criterion),
         Column("speed", lambda one: Span(one.rpm_low, one.rpm_high), "rpm", 0),
-        Column("load", lambda one: one.load, "ohm", own_digits=True),
+        Column("load", lambda one: one.load, "ohm"),
         Column(
             "gain over fixed",
             lambda one: None if one.gain is None else 100.0 * one.gain.value,
@@ -218,10 +219,10 @@ def _percent(gain: Band | None) -> Cell:
 def _map_table(found: Design) -> Any:
     """Every operating point."""
     columns: list[Column[OperatingPoint]] = [
-        Column("load", lambda row: row.load, "ohm", own_digits=True),
+        Column("load", lambda row: row.load, "ohm"),
         Column("speed", lambda row: row.speed, "m/s", 3),
         *(
-            Column(head, lambda row, name=name: _cell(row.values[name]), unit, own_digits=True)  # type: ignore[misc]
+            Column(head, lambda row, name=name: _cell(row.values[name]), unit)  # type: ignore[misc]
             for name, head, unit in SHOWN
         ),
         Column("outside", lambda row: "" if row.within_domain else "logs"),
@@ -235,7 +236,7 @@ def _repairs_section(found: Design) -> Section:
     """What each repair is worth."""
     yearly = any(one.per_year is not None for one in found.repairs)
     columns: list[Column[Repair]] = [
-        Column("without", lambda one: one.effect),
+        Column("without", lambda one: called(one.effect)),
         Column("delivered", lambda one: _cell(one.per_cycle), "J a cycle"),
         Column("95 % interval", lambda one: _interval(one.per_cycle), "J a cycle"),
         *([Column("a year", lambda one: None if one.per_year is None else _cell(one.per_year), "kWh")]

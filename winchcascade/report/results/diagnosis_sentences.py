@@ -25,6 +25,7 @@ from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.report.diagnosis_names import (
     NAMES,
     at_words,
+    called,
     channel_words,
     has_own_simulation,
     items_of,
@@ -194,7 +195,7 @@ _ALONG = {"order": "The order of the runs", "load": "Their loads"}
 def trend_sentence(found: DiagnosisResult, cause: NamedCause, trend: Trend) -> str:
     """What differs between the numbers of a cause from single runs, as the JSON has it."""
     how, item = shown_as(found, cause), "cycle" if isinstance(found, StageDiagnosis) else "run"
-    name = f"{found.suspects[cause.effect].label} ({cause.effect}): {how.what}"
+    name = f"{called(cause.effect, found.suspects)}: {how.what}"
     if trend.along == "scatter":
         change = float(f"{trend.change * how.factor:.2g}")
         size = f"{change:g} {how.unit}".rstrip()

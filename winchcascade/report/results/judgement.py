@@ -10,6 +10,7 @@ import msgspec
 
 from winchcascade.diagnosis.diagnosis_result import Judgement
 from winchcascade.report.content import Note
+from winchcascade.report.diagnosis_names import call_all
 
 
 def judgement_record(judgement: Judgement) -> dict[str, Any]:
@@ -25,9 +26,7 @@ def judgement_record(judgement: Judgement) -> dict[str, Any]:
 def judgement_note(judgement: Judgement) -> Note:
     """The verdict with causes and candidates."""
     names = {"causes": judgement.causes, "candidates": judgement.candidates}
-    listed = "; ".join(
-        f"{kind}: {', '.join(several)}" for kind, several in names.items() if several
-    )
+    listed = "; ".join(f"{kind}: {call_all(several)}" for kind, several in names.items() if several)
     known = judgement.verdict in ("explained", "no_gap")
     sentence = f"{_words(judgement)}{listed and f'; {listed}'}."
     return Note(sentence, "Diagnosis", "plain" if known else "warn", brief=not known)

@@ -32,11 +32,10 @@ from winchcascade.report.wording import banner
 
 LAWS: tuple[Column[MappedLaw], ...] = (
     Column("law", lambda one: one.name),
-    Column("number", lambda one: Measured(one.number.value, _half(one)), own_digits=True),
+    Column("number", lambda one: Measured(one.number.value, _half(one))),
     Column(
         "95 % interval",
         lambda one: Span(one.number.low, one.number.high, _half(one)),
-        own_digits=True,
     ),
     Column("unit", lambda one: one.number.unit),
     Column("what it is", lambda one: one.label, brief=False),

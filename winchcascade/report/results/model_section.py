@@ -30,6 +30,7 @@ from winchcascade.report.content import (
     Picture,
     Table,
 )
+from winchcascade.report.diagnosis_names import call_all
 from winchcascade.report.figures import model_figures as figures
 from winchcascade.report.figures.style import cut_apart, evenly, load_looks
 from winchcascade.report.wording import load_words
@@ -168,7 +169,7 @@ def shown_words(names: Sequence[str]) -> str:
 def _aim(accounts: Sequence[Account]) -> str:
     """What is compared: the rig, effects that its file states, and how many cycles."""
     rigs = ", ".join(dict.fromkeys(account.rig for account in accounts))
-    effects = ", ".join(dict.fromkeys(name for account in accounts for name in account.effects))
+    effects = call_all(dict.fromkeys(name for account in accounts for name in account.effects))
     stated = f", with the effects that it states: {effects}" if effects else ""
     some = any(a.cycles < a.total for a in accounts)
     first = " Of long logs the first complete cycles are compared." if some else ""

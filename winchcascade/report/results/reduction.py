@@ -20,7 +20,6 @@ from winchcascade.report.content import (
     Section,
     Span,
     Tile,
-    number_text,
     section,
     shown,
 )
@@ -46,7 +45,6 @@ from winchcascade.report.results.reduction_tables import (
     cycles_table,
     directions_table,
     findings_table,
-    metric_decimals,
     net_table,
     phases_table,
     uncertainty_table,
@@ -57,6 +55,7 @@ from winchcascade.report.wording import (
     calibration,
     decisive,
     load_words,
+    mean_text,
     measured_load_words,
     net_reasons,
     not_known,
@@ -176,7 +175,7 @@ def stated_text(reduction: Reduction, found: Uncertainty, name: str) -> str:
     together.
     """
     of = reduction.mean if reduction.rig.phases.repeats else reduction.total
-    return number_text(of[name], metric_decimals(reduction, found, name))
+    return mean_text(name, of[name], found.standard[name])
 
 
 def _interval(found: Uncertainty, name: str) -> str:

@@ -229,11 +229,11 @@ def _power_table(found: SeaStudy) -> Any:
     columns: list[Column[InSea]] = [
         *SEA,
         *([Column[InSea]("hours", lambda row: row.hours, "h", 0)] if found.seas.yearly else []),
-        Column("P_line", lambda row: _cell(row.values["p_line_w"]), "W", own_digits=True),
-        Column("P_gen", lambda row: _cell(row.values["p_gen_w"]), "W", own_digits=True),
-        Column("95 % interval", lambda row: _span(row.values["p_gen_w"]), "W", own_digits=True),
-        Column("eta_pto", lambda row: _cell(row.values["eta_pto"]), own_digits=True, brief=False),
-        Column("eta_net", lambda row: _cell(row.values["eta_net"]), own_digits=True),
+        Column("P_line", lambda row: _cell(row.values["p_line_w"]), "W"),
+        Column("P_gen", lambda row: _cell(row.values["p_gen_w"]), "W"),
+        Column("95 % interval", lambda row: _span(row.values["p_gen_w"]), "W"),
+        Column("eta_pto", lambda row: _cell(row.values["eta_pto"]), brief=False),
+        Column("eta_net", lambda row: _cell(row.values["eta_net"])),
         Column("outside", lambda row: 100.0 * row.outside, "%", 0),
         Column("slack", lambda row: 100.0 * row.values["slack"].value, "%", 1, brief=False),
     ]
@@ -251,10 +251,7 @@ def _losses_table(found: SeaStudy) -> Any:
     """Mean power by each loss."""
     rows = _known(found)
     named = [name for name in rows[0].lost if any(row.lost[name] != 0.0 for row in rows)]
-    parts = [
-        Column[InSea](LEDGER[name].group, partial(_lost, name), "W", own_digits=True)
-        for name in named
-    ]
+    parts = [Column[InSea](LEDGER[name].group, partial(_lost, name), "W") for name in named]
     return table(
         "losses", "Mean power that is lost in each part.", [*SEA, *parts], rows, brief=False
     )
@@ -267,10 +264,9 @@ def _lost(name: str, row: InSea) -> Cell:
 def _gains_table(found: SeaStudy) -> Any:
     """Gains of one way to choose the load over another."""
     rows = [row for row in found.rows if row.gain]
-    best = Column[InSea]("best load", lambda row: row.best_load, "ohm", own_digits=True)
+    best = Column[InSea]("best load", lambda row: row.best_load, "ohm")
     gains = [
-        Column[InSea](name.replace("_", " "), partial(_gain, name), "%", own_digits=True)
-        for name in rows[0].gain
+        Column[InSea](name.replace("_", " "), partial(_gain, name), "%") for name in rows[0].gain
     ]
     outside = Column[InSea]("outside", lambda row: 100.0 * max(row.beyond.values()), "%", 0)
     caption = (
@@ -294,7 +290,6 @@ def _peaks_table(found: SeaStudy) -> Any:
                 head,
                 lambda row, name=name: _cell(row.values[name]),  # type: ignore[misc]
                 unit,
-                own_digits=True,
             )
             for name, (head, unit) in PEAK_HEADS.items()
         ),

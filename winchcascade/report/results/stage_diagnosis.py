@@ -22,10 +22,10 @@ from winchcascade.report.content import (
     table,
 )
 from winchcascade.report.diagnosis_names import (
+    call_all,
     origins_of,
     phase_words,
     probability_words,
-    set_words,
     shown_as,
     word_of,
 )
@@ -102,7 +102,7 @@ def _others_table(found: StageDiagnosis) -> Table[EffectNumber] | None:
         for one in found.fitted
         if one.effect not in named
     ]
-    return effects_table("others", "Numbers beside those of the causes.", rows)
+    return effects_table("others", "Numbers beside those of the causes.", rows, found.suspects)
 
 
 # --------------------------------------------------------------------------------------- energies
@@ -160,7 +160,8 @@ def _where(found: StageDiagnosis, word: str) -> Section:
         "where", "Where the gap lies",
         Picture(
             "history",
-            f"Power that comes out: {word} and predicted; below, the residual.",
+            f"Power that comes out, from the cycle with the largest deviation of its energy on: "
+            f"{word} and predicted; below, the residual.",
             "Lines over time; root mean squares are in the table.",
             partial(figures.power_history, found, word),
         ),
@@ -226,7 +227,7 @@ def _tried(found: StageDiagnosis) -> Section:
         table(
             "sets", "Sets of suspects by their probability.",
             [
-                Column("set", set_words),
+                Column("set", lambda names: call_all(names, found.suspects, " + ") or "none: no loss"),
                 Column("probability", lambda names: probability_words(found.sets[names])),
                 Column("choice", lambda names: "chosen" if names == found.chosen else ""),
             ],

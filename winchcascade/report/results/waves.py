@@ -83,7 +83,7 @@ def campaign_waves_section(found: CampaignWaves) -> Section:
         Column("load", lambda log: load_words(log.load, "ohm", unknown="-")),
         Column("waves", lambda log: sum(log.waves.counts), decimals=0),
         Column("record", lambda log: log.waves.record_duration, "s", 1),
-        *(Column(short(f"power_{s}"), partial(_mean_power, s), "W", own_digits=True) for s in found.together.record_energy),
+        *(Column(short(f"power_{s}"), partial(_mean_power, s), "W") for s in found.together.record_energy),
         *(Column(name, partial(_efficiency, name), decimals=3) for name in found.together.efficiency),
     ]  # fmt: skip
     return section(
@@ -107,9 +107,9 @@ Row = tuple[str, RatioOfSums | None]
 """A stage with its mean power, or an efficiency of all waves together."""
 
 UNCERTAINTY: tuple[Column[Row], ...] = (
-    Column("95 %", lambda row: interval_of(row[1]), own_digits=True),
-    Column("u of waves", lambda row: _u(row[1], sensors=False), brief=False, own_digits=True),
-    Column("u of sensors", lambda row: _u(row[1], sensors=True), brief=False, own_digits=True),
+    Column("95 %", lambda row: interval_of(row[1])),
+    Column("u of waves", lambda row: _u(row[1], sensors=False), brief=False),
+    Column("u of sensors", lambda row: _u(row[1], sensors=True), brief=False),
 )
 
 EFFICIENCIES: tuple[Column[Row], ...] = (
@@ -134,7 +134,7 @@ def _wave_blocks(found: WaveEnergies) -> list[Block | None]:
     )
     powers: list[Column[Row]] = [
         Column("stage", lambda row: row[0]),
-        Column("mean power", lambda row: found.record_power.get(row[0]), "W", own_digits=True),
+        Column("mean power", lambda row: found.record_power.get(row[0]), "W"),
         *UNCERTAINTY,
         Column("energy of the record", lambda row: found.record_energy[row[0]], "J", 0, brief=False),
         Column("of its waves", lambda row: float(x.sum()) if (x := found.energy.get(row[0])) is not None else None, "J", 0,
