@@ -228,7 +228,8 @@ def _run_by_run(ax: Axes, found: DiagnosisResult, cause: NamedCause) -> None:
     marks: LineStyle = {"ls": "none", "ms": 3.5, "color": COLOURS["ink"]}
     ax.plot(at[inside], value[inside], marker="o", **marks)
     for beyond, edge, arrow in ((high > top, top, "^"), (low < bottom, bottom, "v")):
-        ax.plot(at[beyond], np.full(np.count_nonzero(beyond), edge), marker=arrow, **marks)
+        if beyond.any():
+            ax.plot(at[beyond], np.full(np.count_nonzero(beyond), edge), marker=arrow, **marks)
     if isinstance(found, StageDiagnosis):
         ax.set_xlabel("Cycle, one after the other")
     elif len(table) <= NAMED_RUNS:

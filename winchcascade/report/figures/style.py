@@ -344,7 +344,7 @@ def load_looks(loads: Iterable[float | None]) -> dict[float | None, LoadLook]:
         None: LoadLook("soft", MARKS[0]),
     }
     for k, load in enumerate(known):
-        mark = MARKS[(1 + k + k // len(colours)) % len(MARKS)]
+        mark = MARKS[(1 + k + 2 * (k // len(colours))) % len(MARKS)]
         looks[load] = LoadLook(colours[k % len(colours)], mark)
     return looks
 

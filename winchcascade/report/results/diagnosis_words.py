@@ -214,7 +214,7 @@ class Action(NamedTuple):
 
 def action_of(found: DiagnosisResult, cause: NamedCause) -> Action:
     """What to do about a cause: check an entry, separate it from its look-alikes, recalibrate a
-    sensor, or enter it.
+    sensor, confirm it by what would show another cause beyond the catalogue, or correct it.
     """
     effect = found.suspects[cause.effect]
     path = effect.path
@@ -252,7 +252,10 @@ def action_of(found: DiagnosisResult, cause: NamedCause) -> Action:
             if cause.stage != "transmission"
             else "correct the line power for it"
         )
-    return Action("enter it with `--write`")
+    own = found.judgement.classes.get(cause.effect)
+    if own is not None and own.broken_by:
+        return Action(f"confirm it by {own.broken_by.partition(';')[0]}", "`--write` enters it")
+    return Action(f"correct the {effect.display.what} in the rig file", "`--write` enters it")
 
 
 # ----------------------------------------------------------------------- what else a reader needs
