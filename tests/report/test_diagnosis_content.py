@@ -102,7 +102,9 @@ def test_without_an_explanation_no_cause_is_named_and_every_suspect_has_its_thre
     made, found = report(name), diagnosed(name)
     assert "causes" not in tables(made)
     assert made.tiles[0].beside == "no cause named"
-    assert {row["effect"] for row in rows(tables(made)["thresholds"])} == {called(name) for name in found.suspects}
+    assert {row["effect"] for row in rows(tables(made)["thresholds"])} == {
+        called(name) for name in found.suspects
+    }
     assert not {row["part"] for row in rows(tables(made)["costs-eta-pto"])} & set(found.suspects)
     if name == "outsider":
         assert not [effect for effect in found.suspects if effect in said(made)]

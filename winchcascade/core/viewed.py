@@ -5,7 +5,7 @@ answer, and types of signatures that are imported late.
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -36,22 +36,17 @@ if TYPE_CHECKING:
 else:
     pd, axes = LateModule("pandas"), LateModule("matplotlib.axes")
 
-Units = Literal["si", "display"]
-"""Units of a frame: `si` as in the JSON; `display` as in the reports: efficiencies in percent,
-pressures in kg/cm2, speeds of shafts in rpm, flows in L/min, and the numbers of causes in their own
-units."""
-
 
 class Viewed(msgspec.Struct, frozen=True):
     """A result with tables and plots, each of which has a name; the first one is given where
     none is named.
     """
 
-    def to_pandas(self, table: str = "", units: Units = "si") -> pd.DataFrame:
+    def to_pandas(self, table: str = "") -> pd.DataFrame:
         """One table as a frame with units in the names of its columns, or in a column of their
         own.
         """
-        found: pd.DataFrame = public("frame")(self, table, units)
+        found: pd.DataFrame = public("frame")(self, table)
         return found
 
     def plot(self, what: str = "", ax: axes.Axes | None = None) -> Any:

@@ -18,7 +18,7 @@ from winchcascade.core.arguments import FLAG, PATH, check_arguments
 from winchcascade.core.errors import OptionError, check_choice, reject_result
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Run
-from winchcascade.core.viewed import LateModule, Units
+from winchcascade.core.viewed import LateModule
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.diagnosis.handover.calibrate import Calibration
 from winchcascade.reduction.campaign_record import CampaignReduction, runs_by_load
@@ -43,7 +43,7 @@ Tables = Mapping[str, Callable[[], "pd.DataFrame"]]
 """What makes the tables of a result, by their names; the first is the main one."""
 
 
-def frame(result: object, table: str = "", units: Units = "si") -> pd.DataFrame:
+def frame(result: object, table: str = "") -> pd.DataFrame:
     """One table of a result as a frame, with the names and units of the written files; the first
     one if none is named.
 
@@ -51,9 +51,7 @@ def frame(result: object, table: str = "", units: Units = "si") -> pd.DataFrame:
     ------
     OptionError : the result has no such table
     """
-    if units not in ("si", "display"):
-        raise OptionError(f"to_pandas(units={units!r}): no such units; expected 'si' or 'display'.")
-    tables = tables_of(result, units)
+    tables = tables_of(result)
     table = table if table != "" else next(iter(tables))
     check_choice("to_pandas", table, list(tables), "table")
     return tables[table]()
@@ -122,67 +120,67 @@ def write_report(result: object, path: str | Path, *, force: bool = False) -> Pa
 
 # ----------------------------------------------------------------------------------------- tables
 @singledispatch
-def tables_of(result: object, units: Units) -> Tables:  # noqa: ARG001
+def tables_of(result: object) -> Tables:
     """Tables of a result as frames."""
     reject_result("frame", "table", result, tables_of.registry)
 
 
 @tables_of.register(Run)
-def _(result: Run, units: Units) -> Tables:
+def _(result: Run) -> Tables:
     channels = given_rig("to_pandas", None, result.rig).known_channels
     return {
-        "channels": partial(frames.run_frame, result, units, channels),
+        "channels": partial(frames.run_frame, result, channels),
         "findings": partial(frames.run_findings_frame, result),
     }
 
 
 @tables_of.register(Reduction)
-def _(result: Reduction, units: Units) -> Tables:
+def _(result: Reduction) -> Tables:
     made = {
-        name: partial(frames.reduction_frame, result, name, units)
+        name: partial(frames.reduction_frame, result, name)
         for name in ("cycles", "bins", "findings")
     }
-    return {**made, "channels": partial(frames.samples_frame, result, units)}
+    return {**made, "channels": partial(frames.samples_frame, result)}
 
 
 @tables_of.register(CampaignReduction)
-def _(result: CampaignReduction, units: Units) -> Tables:
+def _(result: CampaignReduction) -> Tables:
     names = ("runs", "cycles", "bins", "findings", "runs_all")
-    return {name: partial(frames.campaign_frame, result, name, units) for name in names}
+    return {name: partial(frames.campaign_frame, result, name) for name in names}
 
 
 @tables_of.register(DiagnosisResult)
-def _(result: DiagnosisResult, units: Units) -> Tables:
+def _(result: DiagnosisResult) -> Tables:
     names = ("causes", "contributions", "map", "stability")
-    return {name: partial(frames.diagnosis_frame, result, name, units) for name in names}
+    return {name: partial(frames.diagnosis_frame, result, name) for name in names}
 
 
 @tables_of.register(Comparison)
-def _(result: Comparison, units: Units) -> Tables:
-    return {"differences": partial(frames.comparison_frame, result, units)}
+def _(result: Comparison) -> Tables:
+    return {"differences": partial(frames.comparison_frame, result)}
 
 
 @tables_of.register(Simulation)
-def _(result: Simulation, units: Units) -> Tables:
-    return {"channels": partial(frames.simulation_frame, result, units)}
+def _(result: Simulation) -> Tables:
+    return {"channels": partial(frames.simulation_frame, result)}
 
 
 @tables_of.register(Calibration)
-def _(result: Calibration, units: Units) -> Tables:  # noqa: ARG001  # each number has a column of its unit
+def _(result: Calibration) -> Tables:
     from winchcascade.report.results.calibration import calibration_record
 
     return _of_record(calibration_record(result), "numbers", "strained")
 
 
 @tables_of.register(Check)
-def _(result: Check, units: Units) -> Tables:  # noqa: ARG001  # cells are in the unit of their column of the table
+def _(result: Check) -> Tables:
     from winchcascade.report.results.check_record import check_record
 
     return _of_record(check_record(result), "cells", "findings")
 
 
 @tables_of.register(Audit)
-def _(result: Audit, units: Units) -> Tables:  # noqa: ARG001  # cells are in the unit of their column of the table
+def _(result: Audit) -> Tables:
     from winchcascade.report.results.audit_record import audit_record
 
     return _of_record(
@@ -191,7 +189,7 @@ def _(result: Audit, units: Units) -> Tables:  # noqa: ARG001  # cells are in th
 
 
 @tables_of.register(SeaStudy)
-def _(result: SeaStudy, units: Units) -> Tables:  # noqa: ARG001  # each number has a column of its unit
+def _(result: SeaStudy) -> Tables:
     from winchcascade.report.results.sea_report import sea_record
 
     return _of_record(sea_record(result), "rows")
