@@ -99,9 +99,8 @@ def _present_loss_map(
     """
     from winchcascade.batch.campaign_loss_map import campaign_loss_map
     from winchcascade.batch.results_pages import write_index
-    from winchcascade.report.loss_map_file import write_loss_map
     from winchcascade.report.results.campaign_index import links_to
-    from winchcascade.report.results.loss_map_report import campaign_loss_map_report
+    from winchcascade.report.results.loss_map import campaign_loss_map_report, write_loss_map
 
     found = campaign_loss_map(plan, batch.results)
     write_loss_map(found, path, plan.title, force=force)

@@ -48,7 +48,7 @@ def reduce_command(
         window_rule(window)
     outputs.check([log, log.parent / "campaign.toml", rig])
     if outputs["loss_map"] is not None:
-        from winchcascade.report.loss_map_file import check_ending
+        from winchcascade.report.results.loss_map import check_ending
 
         check_ending(outputs["loss_map"])
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=window, sheet=sheet)
@@ -84,7 +84,7 @@ def _one_log(logs: Sequence[Path]) -> Path:
 def _write_loss_map(reduction: Reduction, path: Path, *, force: bool) -> LossMap:
     """Make the loss map of a log and write it."""
     from winchcascade.diagnosis.stages.stage_map import make_loss_map
-    from winchcascade.report.loss_map_file import write_loss_map
+    from winchcascade.report.results.loss_map import write_loss_map
 
     found = make_loss_map([reduction.run], reduction.rig)
     write_loss_map(found, path, reduction.run.name, force=force)

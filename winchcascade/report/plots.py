@@ -191,8 +191,7 @@ def _(result: Comparison) -> Plots:
     """Differences of the efficiencies with their 95 % intervals, run by run; on one Axes that of
     the whole cascade.
     """
-    from winchcascade.report.figures.comparison_figures import draw_differences
-    from winchcascade.report.results.comparison import by_metric, rows_of
+    from winchcascade.report.results.comparison import by_metric, draw_differences, rows_of
 
     metrics = list(by_metric(rows_of(result, "eta", whole=False)))
     whole = [name for name in metrics if name == result.overall] or metrics[:1]

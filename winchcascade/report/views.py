@@ -174,7 +174,7 @@ def _(result: Calibration) -> Tables:
 
 @tables_of.register(Check)
 def _(result: Check) -> Tables:
-    from winchcascade.report.results.check_record import check_record
+    from winchcascade.report.results.checks import check_record
 
     return _of_record(check_record(result), "cells", "findings")
 

@@ -1,10 +1,11 @@
-"""A figure of a report as a file, without the time at which it was made: the same each time that
-it is drawn.
+"""What page and PDF share: the files of a figure, the same each time that it is drawn, and the folder
+of the templates.
 """
 
 from __future__ import annotations
 
 import io
+from pathlib import Path
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
@@ -51,3 +52,12 @@ def _draw(figure: Figure, ending: str) -> bytes:
     out = io.BytesIO()
     figure.savefig(out, format=ending, dpi=300, metadata=_ABOUT[ending])
     return out.getvalue()
+
+
+_PACKAGE = Path(__file__).parents[2]
+
+
+def template_folder() -> Path:
+    """Folder of the report's templates."""
+    inside = _PACKAGE / "templates"
+    return inside if inside.is_dir() else _PACKAGE.parent / "templates"

@@ -12,8 +12,7 @@ from winchcascade.core.version import GENERATOR
 from winchcascade.report.content import Picture, Report, Table
 from winchcascade.report.figures.style import COLOURS, WIDTH
 from winchcascade.report.glossary import SUBSCRIPT, clean, typeset
-from winchcascade.report.render.drawing import drawn
-from winchcascade.report.render.fonts import template_folder
+from winchcascade.report.render.drawing import drawn, template_folder
 
 if TYPE_CHECKING:
     import jinja2

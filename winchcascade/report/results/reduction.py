@@ -122,7 +122,7 @@ def reduction_report(
 
 # ------------------------------------------------------ parts whose modules a terminal does without
 def _loss_map(mapped: LossMap) -> Section:
-    from winchcascade.report.results.loss_map_report import loss_map_section
+    from winchcascade.report.results.loss_map import loss_map_section
 
     return loss_map_section(mapped)
 

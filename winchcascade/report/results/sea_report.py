@@ -24,8 +24,12 @@ from winchcascade.report.content import (
     table,
 )
 from winchcascade.report.figures import sea_figures as figures
-from winchcascade.report.results.common import provenance
-from winchcascade.report.results.judgement import judgement_banner, judgement_note, judgement_record
+from winchcascade.report.results.common import (
+    judgement_banner,
+    judgement_note,
+    judgement_record,
+    provenance,
+)
 from winchcascade.rig.ledger import LEDGER
 from winchcascade.sea.in_sea import PEAKS
 from winchcascade.sea.sea_study import InSea, SeaStudy
