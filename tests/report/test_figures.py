@@ -15,7 +15,6 @@ from winchcascade.reduction.efficiency import Metrics
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
-from winchcascade.report.content import Picture
 from winchcascade.report.figures import reduction_figures as figures
 from winchcascade.report.figures.histories import PANELS, history_figure, log_history, powers_of
 from winchcascade.report.figures.style import COLOURS, house_style, label_panel, panel_figure
@@ -158,7 +157,7 @@ def test_numbers_of_an_axis_are_in_full_and_leave_the_place_of_the_title_alone(
         figure, (ax,) = panel_figure(2.0)
         ax.plot(ends)
         label_panel(ax, "a", "Pressure", unit="Pa")
-    drawn(Picture("p", "P.", "A plot.", lambda: figure))
+    drawn(figure)
     shown = [
         float(label.get_text().replace("\N{MINUS SIGN}", "-")) for label in ax.get_yticklabels()
     ]

@@ -236,7 +236,7 @@ def test_every_mark_of_a_figure_lies_inside_its_axes(pages: list[Made]) -> None:
 def test_every_drawing_is_well_formed(pages: list[Made]) -> None:
     for report, _ in pages:
         for one in pictures(report):
-            ElementTree.fromstring(drawn(one))
+            ElementTree.fromstring(drawn(one.figure))
 
 
 def test_a_load_has_one_colour_on_all_figures_of_a_page(pages: list[Made]) -> None:

@@ -32,13 +32,12 @@ class LateModule:
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib import axes
 else:
-    pd, axes = LateModule("pandas"), LateModule("matplotlib.axes")
+    pd = LateModule("pandas")
 
 
 class Viewed(msgspec.Struct, frozen=True):
-    """A result with tables and plots, each of which has a name; the first one is given where
+    """A result with tables and pictures, each of which has a name; the first one is given where
     none is named.
     """
 
@@ -49,11 +48,11 @@ class Viewed(msgspec.Struct, frozen=True):
         found: pd.DataFrame = public("frame")(self, table)
         return found
 
-    def plot(self, what: str = "", ax: axes.Axes | None = None) -> Any:
-        """Draw on new Axes, or on a given one alone; gives the Axes, of a plot with several an
-        array of them.
+    def plot(self, what: str = "") -> Any:
+        """A picture of the report of the result, which a notebook shows; its `figure` is that of
+        Matplotlib.
         """
-        return public("plot")(self, what, ax)
+        return public("plot")(self, what)
 
     def _repr_html_(self) -> str:
         """The main table, for notebooks."""

@@ -278,6 +278,12 @@ class Picture(msgspec.Struct, frozen=True, dict=True):
         with house_style():
             return self.draw()
 
+    def _repr_svg_(self) -> str:
+        """The figure, for notebooks."""
+        from winchcascade.report.render.drawing import drawn
+
+        return drawn(self.figure).decode()
+
     @property
     def is_empty(self) -> bool:
         """Whether there is nothing to draw."""

@@ -1,13 +1,12 @@
-"""Results in Python: tables as frames, plots on your own Axes or new ones, summaries for notebooks,
-and report files.
+"""Results in Python: tables as frames, pictures of their reports, summaries for notebooks, and
+report files.
 
-What a result has is registered for its class: `tables_of`, `plots_of`, `summary_of` and
-`report_of`.
+What a result has is registered for its class: `tables_of`, `summary_of` and `report_of`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial, singledispatch
 from pathlib import Path
 from pkgutil import resolve_name
@@ -25,7 +24,8 @@ from winchcascade.reduction.campaign_record import CampaignReduction, runs_by_lo
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.report import frames
-from winchcascade.report.plots import draw, plots_of
+from winchcascade.report.content import Picture
+from winchcascade.report.figures.histories import channels_drawn, history_figure, run_history
 from winchcascade.rig.simulate import Simulation
 from winchcascade.sea.sea_study import SeaStudy
 from winchcascade.tables.audit import Audit
@@ -33,11 +33,11 @@ from winchcascade.tables.check import Check
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib import axes
+    from matplotlib.figure import Figure
 
     from winchcascade.report import content
 else:
-    pd, axes = LateModule("pandas"), LateModule("matplotlib.axes")
+    pd = LateModule("pandas")
 
 Tables = Mapping[str, Callable[[], "pd.DataFrame"]]
 """What makes the tables of a result, by their names; the first is the main one."""
@@ -57,26 +57,61 @@ def frame(result: object, table: str = "") -> pd.DataFrame:
     return tables[table]()
 
 
-def plot(result: object, what: str = "", ax: axes.Axes | None = None) -> Any:
-    """Draw one plot of a result, the first one if none is named; gives the Axes, of a plot with
-    several an array of them, (n,).
+def plot(result: object, what: str = "") -> Picture:
+    """A picture of the report of a result, by its name; the first one that shows something if none
+    is named. A notebook shows it, and its `figure` is that of Matplotlib.
 
-    Parameters
-    ----------
-    ax : what is drawn on, and the most telling part of a plot with several Axes alone; new ones of
-        pyplot if not given
+    A run has its channels: `history` all of them, those of `GROUPS`, and each by its name.
 
     Raises
     ------
-    OptionError : the result has no such plot, or nothing to draw
+    OptionError : the result has no such picture, or nothing to draw in it
     """
-    plots = plots_of(result)
-    what = what if what != "" else next(iter(plots))
-    check_choice("plot", what, list(plots), "plot of this result")
-    made = plots[what]
-    if made.lacks:
-        raise OptionError(f"plot({what!r}): the result has nothing to draw; expected {made.lacks}.")
-    return draw(made, ax)
+    names = []
+    for one in _pictures_of(result):
+        names.append(one.id)
+        if what == one.id and one.is_empty:
+            raise OptionError(f"plot({what!r}): the result has nothing to draw there.")
+        if what == one.id or (what == "" and not one.is_empty):
+            return one
+    if not names:
+        raise OptionError(f"plot: {type(result).__name__} has no pictures.")
+    check_choice("plot", what, names, "picture of this result")
+    raise OptionError("plot: the result has nothing to draw.")
+
+
+def _pictures_of(result: object) -> Iterator[Picture]:
+    """Pictures of a result, made one after the other."""
+    if isinstance(result, Simulation | Run):
+        yield from _channels_of(result.run if isinstance(result, Simulation) else result)
+        return
+    report = report_of(result)
+    yield from [] if report.lead is None else [report.lead]
+    for one in report.sections:
+        yield from (block for block in one.blocks if isinstance(block, Picture))
+
+
+GROUPS = {
+    "motion": ("displacement", "velocity", "speed"),
+    "mechanical": ("force", "torque", "power_mech"),
+    "hydraulic": ("pressure", "flow"),
+    "electrical": ("vdc", "idc", "power_ac"),
+}
+"""Channels of a run that are drawn together."""
+
+
+def _channels_of(run: Run) -> Iterator[Picture]:
+    """Histories of all channels of a run, of those of a group, and of each channel."""
+    known = [name for name, *_ in channels_drawn(run, given_rig("plot", None, run.rig))]
+    groups = {group: [name for name in names if name in known] for group, names in GROUPS.items()}
+    for what, names in {"history": known, **groups, **{name: [name] for name in known}}.items():
+        if names:
+            caption = f"Channels of {run.name} over time."
+            yield Picture(what, caption, "Lines over time.", partial(_history, run, names))
+
+
+def _history(run: Run, names: Sequence[str]) -> Figure:
+    return history_figure(run_history(run, names))
 
 
 def summary_html(result: object) -> str:

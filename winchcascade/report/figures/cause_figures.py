@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import accumulate
 from typing import TYPE_CHECKING
 
@@ -61,27 +60,15 @@ def waterfall_figure(found: ModelDiagnosis, word: str) -> Figure | None:
     largest = worst_costs(found)
     if largest is None:
         return None
-    figure, panels = panel_figure(BAR * (len(largest.parts) + 2) + 0.6)
+    figure, (ax,) = panel_figure(BAR * (len(largest.parts) + 2) + 0.6)
     figure.set_figwidth(NARROW)
-    draw_waterfalls(panels, found, [largest], word)
+    _waterfall(ax, largest)
+    ax.set_title(load_words(largest.load))
+    ax.set_xlabel(f"{tex(largest.metric)} (%)")
+    names = [baseline_words(found), *(part_name(found, part) for part in largest.parts), word]
+    ax.set_yticks(range(len(names)), names)
+    ax.set_ylim(len(names) - 0.45, -0.55)
     return figure
-
-
-def draw_waterfalls(
-    panels: Sequence[Axes], found: ModelDiagnosis, table: Sequence[Contribution], word: str
-) -> None:
-    """Draw one waterfall for each load on the same scale, with the names of the bars at the
-    first.
-    """
-    bars = len(table[0].parts) + 2
-    span = max(high - low for low, high in map(_extent, table))
-    for ax, costs in zip(panels, table, strict=False):
-        _waterfall(ax, costs, span)
-        ax.set_title(load_words(costs.load))
-        ax.set_xlabel(f"{tex(costs.metric)} (%)")
-    names = [baseline_words(found), *(part_name(found, part) for part in table[0].parts), word]
-    panels[0].set_yticks(range(bars), names)
-    panels[0].set_ylim(bars - 0.45, -0.55)
 
 
 def _extent(costs: Contribution) -> tuple[float, float]:
@@ -97,14 +84,12 @@ def _extent(costs: Contribution) -> tuple[float, float]:
     return min(costs.measured, *levels, *ends), max(costs.measured, *levels, *ends)
 
 
-def _waterfall(ax: Axes, costs: Contribution, span: float) -> None:
-    """Draw the waterfall of one load, from above, on an axis that is wider than the span of the
-    widest [points].
-    """
+def _waterfall(ax: Axes, costs: Contribution) -> None:
+    """Draw the waterfall of one load, from above, on an axis that is wider than its levels."""
     from matplotlib.ticker import MaxNLocator
 
     low, high = _extent(costs)
-    middle, half = 0.5 * (low + high), max(0.85 * span, 0.5)
+    middle, half = 0.5 * (low + high), max(0.85 * (high - low), 0.5)
     left, level, end = middle - half, costs.as_given, len(costs.parts) + 1
     for place, value in ((0, costs.as_given), (end, costs.measured)):
         ax.barh(place, value - left, left=left, height=0.66, color=COLOURS["line"], lw=0)

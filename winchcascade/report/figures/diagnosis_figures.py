@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.diagnosis.explain.figure_data import SimulatedCycle, by_load
 from winchcascade.diagnosis.explain.gap_map import STANDS_OUT
 from winchcascade.diagnosis.fit.block_means import HAUL_IN, PAYOUT, PHASES
@@ -18,7 +17,6 @@ from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.report.diagnosis_names import (
     NAMES,
     baseline_words,
-    channel_words,
     phase_words,
     signed,
 )
@@ -103,15 +101,8 @@ def gap_map(found: ModelDiagnosis) -> Figure | None:
     """Draw the bias of each channel and phase (rows) at each load (columns) over its standard
     uncertainty.
     """
-    return _map(found, *_gaps(found))
-
-
-def draw_gap_map(ax: Axes, found: DiagnosisResult) -> None:
-    """Draw the map of `gap_map` on given axes; without a model, the gap of all logs together by
-    phase.
-    """
-    columns = _by_load(found) if isinstance(found, ModelDiagnosis) else {-1: "all logs"}
-    _draw_map(ax, columns, *_gaps(found))
+    names = {(c, p): f"{NAMES[c]}, {phase_words(p)}" for c in CHANNELS for p in PHASES}
+    return _map(found, names, {(p.channel, p.phase, p.log): p.z for p in found.places})
 
 
 def stage_map(found: ModelDiagnosis) -> Figure | None:
@@ -126,18 +117,6 @@ def stage_map(found: ModelDiagnosis) -> Figure | None:
         for p in PHASES
     }
     return _map(found, names, {(p.stage, p.phase, p.log): p.z for p in found.stages})
-
-
-def _gaps(found: DiagnosisResult) -> tuple[dict[tuple[str, str], str], Cells]:
-    """Names of the rows of the map of the gap, by channel and phase, and its cells."""
-    if isinstance(found, ModelDiagnosis):
-        names = {(c, p): f"{NAMES[c]}, {phase_words(p)}" for c in CHANNELS for p in PHASES}
-    else:
-        names = {
-            (p.channel, p.phase): f"{channel_words(p.channel)}, {phase_words(p.phase)}"
-            for p in found.places
-        }
-    return names, {(p.channel, p.phase, p.log): p.z for p in found.places}
 
 
 def _map(

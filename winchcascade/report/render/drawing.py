@@ -15,8 +15,6 @@ from winchcascade.report.figures.style import house_style
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from winchcascade.report.content import Picture
-
 _ABOUT: dict[str, dict[str, str | None]] = {
     "svg": {"Date": None, "Creator": GENERATOR},
     "pdf": {"CreationDate": None, "Creator": GENERATOR},
@@ -30,11 +28,8 @@ figures share them.
 """
 
 
-def drawn(picture: Picture, ending: str = "svg") -> bytes:
-    """The figure of a picture that has one, which does not change afterwards, as SVG, PDF or
-    PNG.
-    """
-    figure = picture.figure
+def drawn(figure: Figure | None, ending: str = "svg") -> bytes:
+    """The figure of a picture, which does not change afterwards, as SVG, PDF or PNG."""
     assert figure is not None  # renderers leave out pictures of nothing
     files = _DRAWN.setdefault(figure, {})
     if ending not in files:

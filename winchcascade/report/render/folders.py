@@ -59,7 +59,7 @@ def write_figures(report: Report, folder: Path, name: str, *, force: bool = Fals
     """
     _write(
         {
-            f"{stem_of(name)}_{one.id}.{ending}": drawn(one, ending)
+            f"{stem_of(name)}_{one.id}.{ending}": drawn(one.figure, ending)
             for one in report.pictures
             if one.figure is not None
             for ending in FIGURE_FORMATS

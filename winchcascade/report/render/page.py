@@ -104,7 +104,7 @@ def _svg(picture: Picture) -> Markup:
     """A figure as SVG whose ids are its own and whose colours are those of the page."""
     from markupsafe import Markup
 
-    text = re.sub(r"<metadata>.*?</metadata>", "", drawn(picture).decode(), flags=re.DOTALL)
+    text = re.sub(r"<metadata>.*?</metadata>", "", drawn(picture.figure).decode(), flags=re.DOTALL)
     text = re.sub(r'( id="|href="#|url\(#)', rf"\g<1>{picture.id}-", text[text.index("<svg") :])
     for size in ("width", "height"):
         text = re.sub(rf'(<svg[^>]*?) {size}="[^"]*"', r"\1", text, count=1)

@@ -82,7 +82,7 @@ def _record(report: Report, *, drawn: bool) -> dict[str, Any]:
 
 def _block(block: Block, *, drawn: bool) -> dict[str, Any]:
     if isinstance(block, Picture):
-        svg = drawing.drawn(block).decode() if drawn else ""
+        svg = drawing.drawn(block.figure).decode() if drawn else ""
         share = float(block.figure.get_figwidth() / WIDTH) if block.figure is not None else 1.0
         return {
             "type": "picture",
