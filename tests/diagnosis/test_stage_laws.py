@@ -24,6 +24,7 @@ from winchcascade.report.render.page import page_text
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.diagnosis import diagnosis_report
 from winchcascade.report.results.diagnosis_record import as_json
+from winchcascade.report.results.stage_diagnosis import worst_cycle
 from winchcascade.rig.effects.catalogue import EFFECTS
 
 Record = dict[str, Any]
@@ -464,3 +465,7 @@ def test_every_verdict_has_its_page_and_its_report(numbers: dict[str, float]) ->
     assert (
         "stability" in [getattr(block, "id", "") for block in made.illustrated().blocks]
     ) == bool(found.causes)
+    (history,) = (one for one in made.pictures if one.id == "history")
+    worst = worst_cycle(found)
+    assert history.figure is not None
+    assert worst is None or f"{worst.cycle}" in history.figure.axes[0].get_title(loc="left").split()

@@ -31,7 +31,7 @@ def page_text(report: Report) -> str:
 
     report, folder = report.illustrated(), template_folder()
     histories = any(one.histories for one in report.pictures)
-    lead = report.lead and report.lead.figure
+    lead = None if report.lead is None else report.lead.figure
     scripts = [*(["uplot.js"] if histories else []), "page.js"]
     styles = [*(["uplot.css"] if histories else []), "page.css"]
     return (
