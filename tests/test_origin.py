@@ -27,8 +27,7 @@ from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.run_record import reduction_record
 from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.report.render.page import page_text
-from winchcascade.report.results.check_record import check_record
-from winchcascade.report.results.checks import check_report
+from winchcascade.report.results.checks import check_record, check_report
 from winchcascade.report.results.reduction import reduction_report
 from winchcascade.report.wording import banner, origin_words
 from winchcascade.rig.baseline import baseline

@@ -253,10 +253,10 @@ def _write_campaign(
 def _write_reports(campaign: CampaignRecord, made: Path, out: Path, products: Products) -> None:
     """Write the reports of the campaign into a scratch folder."""
     from winchcascade.report.render.publish import publish
+    from winchcascade.report.results.campaign import written_campaign
     from winchcascade.report.results.campaign_index import links_to
-    from winchcascade.report.results.drawn_campaign import written_campaign
 
-    report = written_campaign(campaign, made, results=out, command=products.command)
+    report = written_campaign(campaign, out, command=products.command)
     paths = {ending: made / f"campaign.{ending}" for ending in products.reports}
     publish(
         replace(report, links=links_to([INDEX])),

@@ -99,27 +99,23 @@ def _present_loss_map(
     """
     from winchcascade.batch.campaign_loss_map import campaign_loss_map
     from winchcascade.batch.results_pages import write_index
-    from winchcascade.report.loss_map_file import write_loss_map
     from winchcascade.report.results.campaign_index import links_to
-    from winchcascade.report.results.loss_map_report import (
-        campaign_loss_map_report,
-        loss_map_pictures,
-    )
+    from winchcascade.report.results.loss_map import campaign_loss_map_report, write_loss_map
 
     found = campaign_loss_map(plan, batch.results)
     write_loss_map(found, path, plan.title, force=force)
     origins = [item.settings.origin for item in plan.work if item.name in batch.results]
-    stated = partial(campaign_loss_map_report, found, plan.title, origins, command=products.command)
     pages = {ending: batch.folder / f"loss_map.{ending}" for ending in products.reports}
-
-    def drawn() -> Report:
-        from winchcascade.report.figures.style import house_style
-
-        with house_style():
-            return stated(loss_map_pictures(found), links_to([CAMPAIGN_PAGE, INDEX]))
-
+    make = partial(
+        campaign_loss_map_report,
+        found,
+        plan.title,
+        origins,
+        links_to([CAMPAIGN_PAGE, INDEX]),
+        command=products.command,
+    )
     show("\n")
-    present(stated, Outputs({"loss_map": path} | pages, force), name="loss map", drawn=drawn)
+    present(make, Outputs({"loss_map": path} | pages, force), name="loss map")
     if pages:
         write_index(batch.folder)
 
@@ -135,12 +131,7 @@ def _present(
     drafted_by : the folders that have no campaign file
     """
     from winchcascade.report.content import Note, Report
-    from winchcascade.report.results.campaign import campaign_report, fault_notes
-
-    def drawn() -> Report:
-        from winchcascade.report.results.drawn_campaign import written_campaign
-
-        return written_campaign(batch.summary, batch.folder, command=given_command())
+    from winchcascade.report.results.campaign import fault_notes, written_campaign
 
     named, more = ", ".join(batch.altered[:MAX_ALTERED]), len(batch.altered) - MAX_ALTERED
     named += f" and {more} more" if more > 0 else ""
@@ -164,12 +155,16 @@ def _present(
         )
         for folder in drafted_by
     ]
-    stated, faults = campaign_report(batch.summary), fault_notes(batch.summary.failed)
+    faults = fault_notes(batch.summary.failed)
+
+    def make() -> Report:
+        report = written_campaign(batch.summary, batch.folder, command=given_command())
+        return replace(report, points=[*report.points, *notes])
+
     present(
-        lambda: replace(stated, points=[*stated.points, *notes]),
+        make,
         outputs,
         name="campaign",
-        drawn=drawn,
         failed=(lambda: Report("Campaign", batch.summary.title, points=faults)) if faults else None,
         notes=_files_in(batch.folder),
     )

@@ -96,9 +96,8 @@ def diagnose_command(
     for name in lacking:
         outputs = outputs.without(name)
     _write_validation(found, outputs)
-    report = _linked_report(found, outputs["html"])
     present(
-        lambda: report,
+        lambda: _linked_report(found, outputs["html"]),
         outputs,
         record=lambda: diagnosis_record(found),
         name="diagnosis",

@@ -41,8 +41,13 @@ def check_command(
     """
     from winchcascade.batch.results import check_results, input_files, load_results
     from winchcascade.core.jobs import processes
-    from winchcascade.report.results.check_record import check_record, github_annotations, junit_xml
-    from winchcascade.report.results.checks import check_report, failed_check
+    from winchcascade.report.results.checks import (
+        check_record,
+        check_report,
+        failed_check,
+        github_annotations,
+        junit_xml,
+    )
     from winchcascade.tables.check import SAME_LOGS, Factors
     from winchcascade.tables.table_file import load_table
 

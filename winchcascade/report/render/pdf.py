@@ -1,11 +1,13 @@
 """A report as a PDF, typeset by Typst from the same rows and figures as the page; texts reach it
-as data, never as markup.
+as data, never as markup; and the fonts that it needs.
 """
 
 from __future__ import annotations
 
+import re
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -14,7 +16,10 @@ from winchcascade.report.content import Block, Picture, Report, Table
 from winchcascade.report.figures.style import WIDTH
 from winchcascade.report.glossary import SUBSCRIPTS, clean, typeset
 from winchcascade.report.render import drawing
-from winchcascade.report.render.fonts import fonts_for, fonts_in, lacking_letters, template_folder
+from winchcascade.report.render.drawing import template_folder
+
+if TYPE_CHECKING:
+    import typst
 
 
 def pdf_bytes(report: Report) -> bytes:
@@ -22,6 +27,7 @@ def pdf_bytes(report: Report) -> bytes:
     import matplotlib
     import typst
 
+    report = report.illustrated()
     text = msgspec.json.encode(_record(report, drawn=True)).decode()
     strange = lacking_letters(msgspec.json.encode(_record(report, drawn=False)).decode())
     fallback = fonts_for(strange) if strange else []
@@ -69,7 +75,7 @@ def _record(report: Report, *, drawn: bool) -> dict[str, Any]:
                 "heading": _text(one.heading),
                 "blocks": [_block(block, drawn=drawn) for block in one.blocks],
             }
-            for one in report.filled
+            for one in report.sections
         ],
     }
 
@@ -77,7 +83,7 @@ def _record(report: Report, *, drawn: bool) -> dict[str, Any]:
 def _block(block: Block, *, drawn: bool) -> dict[str, Any]:
     if isinstance(block, Picture):
         svg = drawing.drawn(block.figure).decode() if drawn else ""
-        share = float(block.figure.get_figwidth() / WIDTH)
+        share = float(block.figure.get_figwidth() / WIDTH) if block.figure is not None else 1.0
         return {
             "type": "picture",
             "caption": _text(block.caption),
@@ -99,3 +105,57 @@ def _block(block: Block, *, drawn: bool) -> dict[str, Any]:
             "summary": len(below),
         }
     return {"type": "note", "about": _text(block.about), "text": _text(block.text)}
+
+
+@cache
+def fonts_in(folders: tuple[Path, ...]) -> typst.Fonts:
+    """The fonts in some folders, which the PDFs of a batch share."""
+    import typst
+
+    return typst.Fonts(include_system_fonts=False, font_paths=list(folders))
+
+
+def lacking_letters(text: str) -> set[str]:
+    """Letters of a text that the font which is always there lacks."""
+    import matplotlib
+
+    font = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
+    return {c for c in set(text) if ord(c) > 0x7F and ord(c) not in _covered(font)}
+
+
+@cache
+def _covered(font: Path) -> frozenset[int]:
+    """Characters of the font that is always there."""
+    return frozenset(_characters(str(font)))
+
+
+def _characters(font: str) -> set[int]:
+    from matplotlib.ft2font import FT2Font
+
+    return set(FT2Font(font).get_charmap())
+
+
+def fonts_for(strange: set[str]) -> list[tuple[str, set[str]]]:
+    """Fonts of this system that hold characters which the fonts at hand lack, likely ones first."""
+    from matplotlib.font_manager import findSystemFonts
+
+    likely = re.compile(
+        r"cjk|noto|han|hei|ming|song|gothic|malgun|msjh|pingfang|hiragino|arialuni|unifont",
+        re.IGNORECASE,
+    )
+    found: list[tuple[str, set[str]]] = []
+    missing = set(strange)
+    for file in sorted(
+        findSystemFonts(), key=lambda file: (likely.search(Path(file).name) is None, file)
+    ):
+        try:
+            known = _characters(file)
+        except (RuntimeError, OSError):  # a font that cannot be read is none
+            continue
+        covers = {c for c in missing if ord(c) in known}
+        if covers:
+            found.append((file, covers))
+            missing -= covers
+        if not missing:
+            break
+    return found

@@ -190,7 +190,7 @@ def _where(found: DiagnosisResult) -> dict[str, Any] | None:
     spans = (where.rpm, where.i_dc) if isinstance(found, ModelDiagnosis) else (None, None)
     record = {"stage": where.stage, **_some(where.worst, "channel", "phase", "load")}
     record |= dict(zip(("rpm", "i_dc_a"), spans, strict=True))
-    record |= {"sentence": sentences.place_sentence(found), "map": map_record(found)}
+    record["map"] = map_record(found)
     if isinstance(found, ModelDiagnosis):
         record["stages"] = [
             {**_some(one, "stage", "inputs", *_PLACE), "file": found.runs[one.log].name}
@@ -212,20 +212,11 @@ def map_record(found: DiagnosisResult) -> list[dict[str, Any]]:
 
 
 def _cause(cause: NamedCause, found: DiagnosisResult) -> dict[str, Any]:
-    """A cause; of a wrong entry with the sentence on what is stated and what fits, of a wrong
-    load with its run and load.
-    """
+    """A cause; of a wrong load with its run and load."""
     effect = found.suspects[cause.effect]
     record: dict[str, Any] = {"effect": effect.name}
-    if effect.entry is not None:
-        record |= (
-            {"run": effect.entry.source, "load": effect.entry.value}
-            if effect.entry.log >= 0
-            else {}
-        )
-        record["sentence"] = sentences.entry_sentence(
-            cause, effect, explained=found.verdict == "explained"
-        )
+    if effect.entry is not None and effect.entry.log >= 0:
+        record |= {"run": effect.entry.source, "load": effect.entry.value}
     record |= {"label": effect.label, **_some(cause, "stage", "probability", "parameters")}
     record |= {
         name: [_alternative(found, one) for one in getattr(cause, name)]
@@ -241,13 +232,7 @@ def _cause(cause: NamedCause, found: DiagnosisResult) -> dict[str, Any]:
             | ({} if math.isfinite(one.value) else {"reason": _SILENT[one.withheld]})
             for one in cause.stability.runs
         ]
-        record["trends"] = [
-            {
-                **msgspec.structs.asdict(trend),
-                "sentence": sentences.trend_sentence(found, cause, trend),
-            }
-            for trend in cause.stability.trends
-        ]
+        record["trends"] = cause.stability.trends
     return record | (
         {"closes_alone_of_the_gap": cause.weight} if isinstance(found, StageDiagnosis) else {}
     )

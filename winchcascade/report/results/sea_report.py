@@ -16,16 +16,20 @@ from winchcascade.report.content import (
     Column,
     Measured,
     Note,
+    Picture,
     Report,
     Span,
-    picture,
     section,
     shown,
     table,
 )
-from winchcascade.report.figures.style import house_style
-from winchcascade.report.results.common import provenance
-from winchcascade.report.results.judgement import judgement_banner, judgement_note, judgement_record
+from winchcascade.report.figures import sea_figures as figures
+from winchcascade.report.results.common import (
+    judgement_banner,
+    judgement_note,
+    judgement_record,
+    provenance,
+)
 from winchcascade.rig.ledger import LEDGER
 from winchcascade.sea.in_sea import PEAKS
 from winchcascade.sea.sea_study import InSea, SeaStudy
@@ -116,11 +120,8 @@ def sea_csv(found: SeaStudy) -> str:
 
 
 # ----------------------------------------------------------------------------------------- report
-@house_style()
 def sea_report(found: SeaStudy, *, command: str = "") -> Report:
     """Report of a rig in waves."""
-    from winchcascade.report.figures import sea_figures as figures
-
     tested, seas = found.tested, found.seas
     rows = [row for row in found.rows if not row.reason]
     outside = max(row.outside for row in rows)
@@ -151,26 +152,30 @@ def sea_report(found: SeaStudy, *, command: str = "") -> Report:
             *(Note(f"{row.hs:g} m, {row.tp:g} s: {row.reason}", "No result", "warn") for row in found.rows if row.reason),
         ],
         sections=[
-            section("power", "Mean power", picture(
-                figures.power_figure(found), "power",
+            section("power", "Mean power", Picture(
+                "power",
                 "Mean power at the DC link in each sea [W]; italic or hollow where the logs do "
                 "not cover the motion.",
                 "Mean power over wave height and period; the values are in the table.",
+                partial(figures.power_figure, found),
             ), _power_table(found)),
-            section("losses", "Losses", picture(
-                figures.losses_figure(found), "losses", "Where the net power of the line goes in "
-                                                        "each sea.",
+            section("losses", "Losses", Picture(
+                "losses",
+                "Where the net power of the line goes in each sea.",
                 "Stacked shares for each sea; the values are in the table.",
+                partial(figures.losses_figure, found),
             ), _losses_table(found)),
-            *([section("gains", "Loads compared", picture(
-                figures.gains_figure(found), "gains", "Gain of mean power of one way to choose "
-                                                      "the load over another.",
+            *([section("gains", "Loads compared", Picture(
+                "gains",
+                "Gain of mean power of one way to choose the load over another.",
                 "Points with intervals for each sea; the values are in the table.",
+                partial(figures.gains_figure, found),
             ), _gains_table(found))] if any(row.gain for row in rows) else []),
-            section("peaks", "Peaks", picture(
-                figures.peaks_figure(found), "peaks", "Largest values of each sea, and the limits "
-                                                      "that are set.",
+            section("peaks", "Peaks", Picture(
+                "peaks",
+                "Largest values of each sea, and the limits that are set.",
                 "Points with intervals for each sea; the values are in the table.",
+                partial(figures.peaks_figure, found),
             ), _peaks_table(found)),
             provenance(
                 [("Loads of the logs (ohm)", ", ".join(f"{load:g}" for load in tested.loads)),
@@ -228,11 +233,11 @@ def _power_table(found: SeaStudy) -> Any:
     columns: list[Column[InSea]] = [
         *SEA,
         *([Column[InSea]("hours", lambda row: row.hours, "h", 0)] if found.seas.yearly else []),
-        Column("P_line", lambda row: _cell(row.values["p_line_w"]), "W", own_digits=True),
-        Column("P_gen", lambda row: _cell(row.values["p_gen_w"]), "W", own_digits=True),
-        Column("95 % interval", lambda row: _span(row.values["p_gen_w"]), "W", own_digits=True),
-        Column("eta_pto", lambda row: _cell(row.values["eta_pto"]), own_digits=True, brief=False),
-        Column("eta_net", lambda row: _cell(row.values["eta_net"]), own_digits=True),
+        Column("P_line", lambda row: _cell(row.values["p_line_w"]), "W"),
+        Column("P_gen", lambda row: _cell(row.values["p_gen_w"]), "W"),
+        Column("95 % interval", lambda row: _span(row.values["p_gen_w"]), "W"),
+        Column("eta_pto", lambda row: _cell(row.values["eta_pto"]), brief=False),
+        Column("eta_net", lambda row: _cell(row.values["eta_net"])),
         Column("outside", lambda row: 100.0 * row.outside, "%", 0),
         Column("slack", lambda row: 100.0 * row.values["slack"].value, "%", 1, brief=False),
     ]
@@ -250,10 +255,7 @@ def _losses_table(found: SeaStudy) -> Any:
     """Mean power by each loss."""
     rows = _known(found)
     named = [name for name in rows[0].lost if any(row.lost[name] != 0.0 for row in rows)]
-    parts = [
-        Column[InSea](LEDGER[name].group, partial(_lost, name), "W", own_digits=True)
-        for name in named
-    ]
+    parts = [Column[InSea](LEDGER[name].group, partial(_lost, name), "W") for name in named]
     return table(
         "losses", "Mean power that is lost in each part.", [*SEA, *parts], rows, brief=False
     )
@@ -266,10 +268,9 @@ def _lost(name: str, row: InSea) -> Cell:
 def _gains_table(found: SeaStudy) -> Any:
     """Gains of one way to choose the load over another."""
     rows = [row for row in found.rows if row.gain]
-    best = Column[InSea]("best load", lambda row: row.best_load, "ohm", own_digits=True)
+    best = Column[InSea]("best load", lambda row: row.best_load, "ohm")
     gains = [
-        Column[InSea](name.replace("_", " "), partial(_gain, name), "%", own_digits=True)
-        for name in rows[0].gain
+        Column[InSea](name.replace("_", " "), partial(_gain, name), "%") for name in rows[0].gain
     ]
     outside = Column[InSea]("outside", lambda row: 100.0 * max(row.beyond.values()), "%", 0)
     caption = (
@@ -293,7 +294,6 @@ def _peaks_table(found: SeaStudy) -> Any:
                 head,
                 lambda row, name=name: _cell(row.values[name]),  # type: ignore[misc]
                 unit,
-                own_digits=True,
             )
             for name, (head, unit) in PEAK_HEADS.items()
         ),
