@@ -150,9 +150,7 @@ def terminal(lines: Source) -> str:
         parts = _spans(line)
         if parts:
             place = f'x="{CELL:g}" y="{44 + ROW * k}" textLength="{len(CODE.sub("", line)) * CELL:.5g}" lengthAdjust="spacing"'
-            drawn.append(
-                f'<text {place} fill="{PLAIN}" xml:space="preserve">{parts}</text>'
-            )
+            drawn.append(f'<text {place} fill="{PLAIN}" xml:space="preserve">{parts}</text>')
     return "\n".join([*drawn, "</svg>"]) + "\n"
 
 
