@@ -287,7 +287,9 @@ def _key(work: Work) -> str:
     beside = [str(path) for path in options.pop("beside")]
     said = (RESULTS, work.path, *options.values(), *([] if sheet is None else [sheet]), *beside)
     content = (
-        repr(said).encode("utf-8", "replace") + msgspec.json.encode(rig) + __version__.encode()
+        repr(said).encode("utf-8", "replace")
+        + msgspec.json.encode(rig, order="deterministic")
+        + __version__.encode()
     )
     return digest_of(content)
 
