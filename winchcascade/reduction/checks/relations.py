@@ -281,7 +281,8 @@ def _estimate(
     inertia = INERTIAS[law.y, law.law](log) if (law.y, law.law) in INERTIAS else None
     reach = REACH * width
     shift = None
-    for inside in (payouts.inside, payouts.unbraked):
+    held = law.rotor and _holds_voltage(log)
+    for inside in (payouts.unbraked,) if held else (payouts.inside, payouts.unbraked):
         if inside is payouts.unbraked:  # the clutch opens in the braking, and the rotor runs on
             sums = _sums(log, payouts, [law], inside)
         shift = shifted(
@@ -357,20 +358,31 @@ INERTIAS = {("torque", "engagement"): _of_rotor, ("force", "transmission"): _of_
 
 
 def _delay(log: PhasedLog, channel: str, *, known: bool) -> tuple[float, float]:
-    """Delay of a channel behind the rotor by the charge of the capacitor, and its uncertainty.
-    [s]"""
+    """Delay of a channel behind the rotor by the charge of the capacitor, and its uncertainty, to
+    which a rotor that rings adds what it may be behind the line. [s]"""
     delay, resistance, capacity = 0.0, _source(log), log.rig.dc_link.c_dc
     if channel == "vdc":
         known = known and capacity is not None and resistance is not None
-        delay = (
-            capacity.value * resistance if capacity is not None and resistance is not None else 0.0
-        )
-    return (
-        delay,
-        OF_DELAY * delay
-        if known and not log.idles
-        else UNKNOWN_MACHINE * log.rig.thresholds.smoothing,
-    )
+        if capacity is not None and resistance is not None:
+            delay = capacity.value * resistance
+    rings = 0.0 if log.rotor_frequency is None else log.overshoot / log.rotor_frequency
+    unknown = not known or log.idles
+    machine = UNKNOWN_MACHINE * log.rig.thresholds.smoothing if unknown else OF_DELAY * delay
+    return delay, math.hypot(machine, rings)
+
+
+def _holds_voltage(log: PhasedLog) -> bool:
+    """Whether the capacitor holds its voltage while the line brakes: its current to the load takes
+    longer than a share of the shortest braking, and the bridge cuts off."""
+    capacity, load = log.rig.dc_link.c_dc, log.run.load
+    if capacity is None or load is None or log.idles:
+        return False
+    brakings = [
+        cycle.payout_end - plateau.braking
+        for cycle, plateau in zip(log.phased.cycles, log.phased.plateaus, strict=True)
+        if plateau is not None
+    ]
+    return load * capacity.value > FOLLOWS * min(brakings, default=math.inf)
 
 
 def _source(log: PhasedLog) -> float | None:
