@@ -141,6 +141,18 @@ class PhasedLog(msgspec.Struct, frozen=True, dict=True):
         return math.sqrt(train.k_shaft.value / inertia) if inertia > 0.0 else None
 
     @cached_property
+    def ramp(self) -> float:
+        """Shortest time in which the line reaches a plateau, without what smoothing adds; infinite
+        without one. [s]
+        """
+        ramps = [
+            plateau.begin - cycle.onset
+            for cycle, plateau in zip(self.phased.cycles, self.phased.plateaus, strict=True)
+            if plateau is not None and not cycle.begins_inside
+        ]
+        return max(min(ramps, default=math.inf) - self.rig.thresholds.smoothing, 0.0)
+
+    @cached_property
     def overshoot(self) -> float:
         """Largest share by which the rotor exceeds the speed of the line after a ramp; 1 where the
         frequency of the rotor is unknown. [1]
@@ -148,15 +160,8 @@ class PhasedLog(msgspec.Struct, frozen=True, dict=True):
         Each end of a ramp of duration T makes the speed of the rotor swing by 1 / (omega T) of that
         of the line; a step at most doubles it.
         """
-        blur, omega = self.rig.thresholds.smoothing, self.rotor_frequency
-        ramps = [
-            plateau.begin - cycle.onset - blur
-            for cycle, plateau in zip(self.phased.cycles, self.phased.plateaus, strict=True)
-            if plateau is not None and not cycle.begins_inside
-        ]
-        if omega is None or not ramps:
-            return 1.0
-        return min(2.0 / max(omega * min(ramps), SMALLEST), 1.0)
+        omega = self.rotor_frequency
+        return 1.0 if omega is None else min(2.0 / max(omega * self.ramp, SMALLEST), 1.0)
 
     @cached_property
     def top_speed(self) -> float:
