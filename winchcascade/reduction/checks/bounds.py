@@ -3,7 +3,9 @@ shaft, and the peak of its back-EMF.
 
 All hold whatever losses the rig file leaves out, as a loss lowers what comes out alone. A gain of
 torque, velocity or DC channels by which more comes out than goes in is therefore visible in one
-log."""
+log. An offset of the torque that is present while the line moves alone is not, up to the friction
+of the restoring module: every channel reads as with friction behind the sensor instead of
+before it."""
 
 from __future__ import annotations
 
