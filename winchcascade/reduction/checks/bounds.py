@@ -3,7 +3,9 @@ shaft, and the peak of its back-EMF.
 
 All hold whatever losses the rig file leaves out, as a loss lowers what comes out alone. A gain of
 torque, velocity or DC channels by which more comes out than goes in is therefore visible in one
-log."""
+log. An offset of the torque that is present while the line moves alone is not, up to the friction
+of the restoring module: every channel reads as with friction behind the sensor instead of
+before it."""
 
 from __future__ import annotations
 
@@ -20,7 +22,6 @@ from winchcascade.core.run import Signal
 from winchcascade.core.scales import SILICON
 from winchcascade.reduction.checks.at_rest import forces_at_rest
 from winchcascade.reduction.checks.phased_log import Fault, PhasedLog
-from winchcascade.reduction.efficiency import SMALLEST
 
 POWER = 0.04
 """Smallest share by which the power of the shaft or behind it exceeds the one before it in a
@@ -144,36 +145,11 @@ def peak_of_voltage(log: PhasedLog) -> Bound | None:
     if not log.rig.states("generator.k_e", "drivetrain.gear_ratio", "winch.r_drum"):
         return None
     v, v_dc = means
-    least = VOLTAGE + (
-        _overshoot(log) if log.idles else 0.0
-    )  # which a capacitor without load holds
+    # A capacitor without load holds the highest speed that the rotor had.
+    least = VOLTAGE + (log.overshoot if log.idles else 0.0)
     peak = math.sqrt(2.0) * k_e.value * 60.0 / TURN * per_line * v
     u = math.hypot(_u(log, (("vdc", v_dc),)), (k_e.u or 0.0) / k_e.value)
     return Bound("more_than_emf", "vdc", v_dc / peak - 1.0, u, least)
-
-
-def _overshoot(log: PhasedLog) -> float:
-    """Largest share by which the rotor exceeds the speed of the line after a ramp; 1 where the
-    rig file lacks stiffness or inertia. [1]
-
-    The rotor is a mass on the shaft. Each end of a ramp of duration T makes its speed swing by
-    1 / (omega T) of that of the line at the natural frequency omega; a step at most doubles it."""
-    train, blur = log.rig.drivetrain, log.rig.thresholds.smoothing
-    ramps = [
-        plateau.begin - cycle.onset - blur
-        for cycle, plateau in zip(log.phased.cycles, log.phased.plateaus, strict=True)
-        if plateau is not None and not cycle.begins_inside
-    ]
-    if (
-        train.k_shaft is None
-        or train.inertia_rotor is None
-        or train.gear_ratio is None
-        or not ramps
-    ):
-        return 1.0
-    inertia = train.inertia_rotor.value * train.gear_ratio.value**2
-    omega = math.sqrt(train.k_shaft.value / inertia)
-    return min(2.0 / max(omega * min(ramps), SMALLEST), 1.0)
 
 
 def _u(log: PhasedLog, channels: tuple[tuple[str, Signal], ...]) -> float:

@@ -64,7 +64,8 @@ def smoothing(log: PhasedLog) -> float | None:
 
     A kernel of standard deviation s and mean lag adds, to second order, -lag v' + s**2 / 2 v'' to a
     velocity: least squares of the difference of the block means give both. The noise of the
-    velocity itself makes the coefficient of v'' negative.
+    velocity itself makes the coefficient of v'' negative. A block of one interval would show the
+    error of its trapezoid alone.
     """
     travel, limits = log.travel, log.rig.thresholds
     if travel is None:
@@ -77,7 +78,7 @@ def smoothing(log: PhasedLog) -> float | None:
     rise, bend = 0.5 * (v[2:] - v[:-2]) / h, (v[2:] - 2.0 * v[1:-1] + v[:-2]) / h**2
     terms = np.column_stack((np.ones(off.size), v[1:-1], rise, bend))
     known = np.isfinite(bend) & np.isfinite(off) & (np.abs(seconds[1:-1] - h) < 0.5 * h)
-    if h > 2.0 * short or np.count_nonzero(known) < 10 * MIN_BLOCKS:
+    if rows < 2 or np.count_nonzero(known) < 10 * MIN_BLOCKS:
         return None
     terms, off = terms[known], off[known]
     normal = terms.T @ terms

@@ -18,7 +18,7 @@ from winchcascade.core.integrate import largest
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run, Signal
 from winchcascade.ingest.checks.motion import MotionGain, Travel, gain_of
-from winchcascade.reduction.efficiency import ratio, runs_idle
+from winchcascade.reduction.efficiency import SMALLEST, ratio, runs_idle
 from winchcascade.reduction.energies import Energies
 from winchcascade.reduction.gap_error import all_gaps
 from winchcascade.reduction.phase_summary import PhaseSummary
@@ -128,6 +128,40 @@ class PhasedLog(msgspec.Struct, frozen=True, dict=True):
         return self.run.open_circuit or largest(i_dc) <= open_circuit_current(
             self.rig, largest(v_dc)
         )
+
+    @cached_property
+    def rotor_frequency(self) -> float | None:
+        """Natural frequency of the rotor on the shaft; None where the rig file lacks stiffness or
+        inertia. [rad/s]
+        """
+        train = self.rig.drivetrain
+        if train.k_shaft is None or train.inertia_rotor is None or train.gear_ratio is None:
+            return None
+        inertia = train.inertia_rotor.value * train.gear_ratio.value**2
+        return math.sqrt(train.k_shaft.value / inertia) if inertia > 0.0 else None
+
+    @cached_property
+    def ramp(self) -> float:
+        """Shortest time in which the line reaches a plateau, without what smoothing adds; infinite
+        without one. [s]
+        """
+        ramps = [
+            plateau.begin - cycle.onset
+            for cycle, plateau in zip(self.phased.cycles, self.phased.plateaus, strict=True)
+            if plateau is not None and not cycle.begins_inside
+        ]
+        return max(min(ramps, default=math.inf) - self.rig.thresholds.smoothing, 0.0)
+
+    @cached_property
+    def overshoot(self) -> float:
+        """Largest share by which the rotor exceeds the speed of the line after a ramp; 1 where the
+        frequency of the rotor is unknown. [1]
+
+        Each end of a ramp of duration T makes the speed of the rotor swing by 1 / (omega T) of that
+        of the line; a step at most doubles it.
+        """
+        omega = self.rotor_frequency
+        return 1.0 if omega is None else min(2.0 / max(omega * self.ramp, SMALLEST), 1.0)
 
     @cached_property
     def top_speed(self) -> float:
