@@ -75,9 +75,9 @@ beyond which something varies that the model lacks: an eccentric drum, teeth."""
 PULLED = 5.0
 """Maximum magnitude of a nuisance, in its tolerances, that counts as within tolerance."""
 
-WORSE = 1.0
-"""Mean square by which a held-out prediction makes a channel worse, in that of its noise, beyond
-which it counts. [1]
+WORSE = 1.5
+"""Root of the mean square by which a held-out prediction makes a channel worse, over that of its
+noise, beyond which it counts: 0.75 % of right models, too. [1]
 """
 
 # ------------------------------------------------- what contradicts a fit that leaves no residual
