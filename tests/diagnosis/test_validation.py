@@ -22,6 +22,7 @@ from winchcascade.diagnosis.explain.validation import Compared
 from winchcascade.diagnosis.explain.windowed import QUANTITIES, quantities_of, windowed
 from winchcascade.diagnosis.fit.nuisances import SKEW, stated_share
 from winchcascade.diagnosis.judge.causes import COVERED
+from winchcascade.diagnosis.verdict_limits import AS_GOOD
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.reduction.uncertainty import budget
 from winchcascade.report.results.diagnosis_record import as_json
@@ -198,6 +199,8 @@ def test_cycles_of_the_only_load_are_not_held_out_as_a_load() -> None:
     )
     assert {one.held_out for one in found.validation} == {False}
     assert [one.effect for one in found.causes] == ["copper_heating"]
+    alike = math.exp(-AS_GOOD)  # heating, which one run cannot show
+    assert found.causes[0].probability <= 1.0 / (1.0 + alike)
 
 
 def test_the_record_has_the_validation_of_each_run() -> None:
