@@ -29,6 +29,7 @@ from winchcascade.core.jobs import one_thread_each
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.judge.alarms import SIGNS
+from winchcascade.diagnosis.verdict_limits import SELDOM
 from winchcascade.rig.effects.catalogue import EFFECTS
 
 FAMILIES = ("machines_nothing", "machines", "nothing", "single")
@@ -36,10 +37,6 @@ FAMILIES = ("machines_nothing", "machines", "nothing", "single")
 
 REPEATS_MAX = 2
 """Most repeats of the loads in a campaign that is judged: further ones take hours. [1]"""
-
-SHARE = 0.0075
-"""Share of the campaigns in which a sign of the residual may ring: with four of these, and energies
-and efficiencies at `FALSE_ALARM` each, 5 % together. [1]"""
 
 OF_NOISE = ("noise", "noise and model")
 """Units of signs whose sizes are ratios; the others are in standard uncertainties or shares."""
@@ -78,7 +75,7 @@ def sizes_of(case: Case) -> Sizes:
 def table(lines: Sequence[Line]) -> str:
     """For each sign the share of the campaigns in which it rings, with its 95 % interval, its
     comparisons in a campaign, the median and the most of the largest ones, and the limit that
-    `SHARE` of the campaigns would pass.
+    `SELDOM` of the campaigns would pass.
     """
     rows = [
         f"{'sign':<12}{'rings':>8}{'of each':>16}{'median':>8}{'most':>8}{'limit':>8}{'passed':>8}"
@@ -99,7 +96,7 @@ def table(lines: Sequence[Line]) -> str:
 
 
 def passed(largest: Signal, *, ratio: bool) -> float:
-    """Size that the largest comparison of a campaign passes with the probability `SHARE`, by the
+    """Size that the largest comparison of a campaign passes with the probability `SELDOM`, by the
     distribution of largest values (Gumbel 1958), by moments.
 
     Parameters
@@ -111,7 +108,7 @@ def passed(largest: Signal, *, ratio: bool) -> float:
     if x.size < 2:
         return math.nan
     width = float(np.std(x, ddof=1)) * math.sqrt(6.0) / math.pi
-    end = float(x.mean()) - width * (np.euler_gamma + math.log(-math.log1p(-SHARE)))
+    end = float(x.mean()) - width * (np.euler_gamma + math.log(-math.log1p(-SELDOM)))
     return math.exp(end) if ratio else end
 
 

@@ -149,12 +149,8 @@ def test_every_kind_of_sign_has_one_row_and_one_fault_here() -> None:
     assert EVERY.keys() == RINGS.keys() == set(get_args(AlarmKind))
 
 
-TOGETHER = 0.05
-"""Share of the campaigns with the right model in which any sign may ring. [1]"""
-
-
 def test_signs_together_ring_in_no_more_than_a_twentieth_of_right_models() -> None:
-    assert sum(sign.rate for sign in EVERY.values()) <= TOGETHER
+    assert sum(sign.rate for sign in EVERY.values()) == pytest.approx(0.05)
     assert all(sign.detects >= 0.0 for sign in EVERY.values())
 
 

@@ -22,7 +22,8 @@ from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.search import Found
 from winchcascade.diagnosis.fit.suspects import freedom, varied, with_values
 from winchcascade.diagnosis.judge.closure import share_closed
-from winchcascade.diagnosis.verdict_limits import AS_GOOD, LAW, UNCONFUSED
+from winchcascade.diagnosis.verdict_limits import AS_GOOD, LAW, MIN_RUNS, UNCONFUSED
+from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.parts import IN_RIG, number_of, path_in_rig
 
 if TYPE_CHECKING:
@@ -76,6 +77,7 @@ def causes_of(
     """
     best, suspects, swapped = found.best, found.problem.suspects, look_alikes_of(found)
     without = {name: _without(found, name) for name in best.names}
+    odds = {name: _odds(swapped[name]) + _unseen(data, name) for name in best.names}
     chance, posterior = probabilities(found.sets(), found.evidence), posterior_of(found, best)
     product_of = partial(_product, data, directions, posterior)
     causes = [
@@ -83,12 +85,12 @@ def causes_of(
             effect=name,
             stage=suspects[name].stage,
             probability=min(
-                sum(p for names, p in chance.items() if name in names), 1.0 / _odds(swapped[name])
+                sum(p for names, p in chance.items() if name in names), 1.0 / odds[name]
             ),
             parameters=parameters_of(posterior, suspects[name], name)
             | product_of(suspects[name], name),
             look_alikes=tuple(
-                _named(data, found, one.fit, name, _weight(one) / _odds(swapped[name]))
+                _named(data, found, one.fit, name, _weight(one) / odds[name])
                 for one in swapped[name]
             ),
             weight=without[name].loss - best.loss,
@@ -117,6 +119,16 @@ def _weight(one: LookAlike) -> float:
 def _odds(look_alikes: Sequence[LookAlike]) -> float:
     """Posterior odds of a cause and all its look-alikes over the cause. [1]"""
     return 1.0 + sum(map(_weight, look_alikes))
+
+
+def _unseen(data: Fitted, name: str) -> float:
+    """Posterior odds over a cause of what changes from run to run and looks like it, where the runs
+    are too few to suspect it: fewer logs must not make a cause more certain. [1]
+    """
+    if len(data.rows) >= MIN_RUNS:
+        return 0.0
+    over_runs = [other for other, effect in EFFECTS.items() if effect.over_runs is not None]
+    return math.exp(-AS_GOOD) * sum(same_in_logs(name, other) for other in over_runs)
 
 
 def probabilities(fits: dict[Names, Fit], evidence: Evidence) -> dict[Names, float]:
