@@ -137,7 +137,8 @@ def _foreseen(
     Each derivative is along numbers that follow the one that it is kept by, so that one pass in
     their order suffices.
     """
-    moved, left, ahead = 0.0, dict(change), sorted(change)
+    moved: Signal | float = 0.0
+    left, ahead = dict(change), sorted(change)
     while ahead:
         number = ahead.pop(0)
         if number not in slopes or slopes[number].missed > serves:
