@@ -13,8 +13,8 @@ from rigs import calibrated_rig
 from winchcascade import simulate
 from winchcascade.core.rig_file import ModelAccuracy
 from winchcascade.diagnosis.fit.block_means import PHASES
-from winchcascade.diagnosis.fit.fitted_log import OF_A_BLOCK, TOP
-from winchcascade.diagnosis.fit.misfit import RHO, SERVES, Fitted
+from winchcascade.diagnosis.fit.fitted_log import OF_A_BLOCK, RHO, TOP
+from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
@@ -209,5 +209,19 @@ def test_derivatives_that_miss_the_way_to_a_place_do_not_serve_there(data: Fitte
     nothing = np.zeros(len(data.nuisances))
     data.tolerances(nothing, [])
     weak = [make_effect("ke_shift", {"k_e_change": -0.4})]
-    served, own = (data.tolerances(nothing, weak, serves) for serves in (SERVES, -1.0))
+    lent, served, own = (data.tolerances(nothing, weak, way) for way in (math.inf, 0.0, -1.0))
+    assert np.any(lent != own)
     assert served == pytest.approx(own, rel=1e-9, abs=1e-12)
+
+
+def test_what_newly_acts_has_derivatives_of_its_own(data: Fitted) -> None:
+    """What the cooling of a gas moves depends on whether it heats."""
+    nothing = np.zeros(len(data.nuisances))
+    absent, here, there = (
+        [make_effect("gas_polytropic", {"n": n, "cooling": cooling})]
+        for n, cooling in ((1.0, 3.0), (1.01, 2.0), (1.01, 3.0))
+    )
+    data.predictions_near((nothing, []), [(nothing, absent)])
+    near = data.predictions_near((nothing, here), [(nothing, there)])[:, :, 0]
+    assert near == pytest.approx(data.predict(nothing, there), rel=1e-9)
+    assert np.any(near != data.predict(nothing, here))

@@ -391,7 +391,9 @@ def differences(model: Model, other: Model) -> dict[str, float] | None:
     scale, other_scale = model.sensors.motion_scale, other.sensors.motion_scale
     if model.sensors != msgspec.structs.replace(other.sensors, motion_scale=scale):
         return None
-    found = {} if scale == other_scale else {"sensors.motion_scale": other_scale - scale}
+    found: dict[str, float] = (
+        {} if scale == other_scale else {"sensors.motion_scale": other_scale - scale}
+    )
     for part in PARTS:
         here, there = getattr(model, part), getattr(other, part)
         for name, one, another in zip(here._fields, here, there, strict=True):

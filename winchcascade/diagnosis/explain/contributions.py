@@ -204,8 +204,6 @@ def _values(one: WindowedLog, models: Sequence[Model]) -> Signal:
 
 
 # ------------------------------------------------------------------------- all runs of a campaign
-
-
 def contributions_of(
     data: Fitted,
     found: Found,
@@ -255,46 +253,68 @@ def contributions_of(
     )
     loaded = np.array([math.isfinite(one.log.run.load or math.inf) for one in logs])
     u = with_uncertain_laws(accounts, loaded, data.rig.model.discrepancy)
+    accounts = accounts._replace(u=u)
     kinds: list[tuple[str | None, ContributionKind]] = [
-        (name, kind_of(suspects[name])) for name in names
+        *((name, kind_of(suspects[name])) for name in names),
+        (None, "tolerances"),
+        (None, "residual"),
     ]
-    kinds += [(None, "tolerances"), (None, "residual")]
-    recorded = [
-        Contribution(
-            log=one.number,
-            load=one.log.run.load,
-            plateau_speed=one.plateau_speed,
-            metric=quantity,
-            as_given=float(accounts.as_given[row, k]),
-            measured=float(accounts.measured[row, k]),
-            parts=tuple(
-                ContributionPart(
-                    *kinds[part], value, value - COVERED * spread, value + COVERED * spread
-                )
-                for part, (value, spread) in enumerate(
-                    zip(accounts.parts[row, :, k].tolist(), u[row, :, k].tolist(), strict=True)
-                )
-            )
-            if np.isfinite(accounts.measured[row, k])
-            else (),
-        )
+    recorded = (
+        _recorded(one, accounts, row, kinds, k)
         for row, one in enumerate(logs)
-        for k, quantity in enumerate(QUANTITIES)
-    ]
+        for k in range(len(QUANTITIES))
+    )
     changes = {
         name: [
-            LargestChange(
-                metric,
-                float(accounts.by_model[row, cause, QUANTITIES.index(metric)]),
-                load=one.log.run.load,
-            )
+            change
             for row, one in enumerate(logs)
-            for metric in EFFICIENCIES
-            if np.isfinite(accounts.by_model[row, cause, QUANTITIES.index(metric)])
+            for change in _changes(one, accounts.by_model[row, cause])
         ]
         for cause, name in enumerate(names)
     }
     return tuple(recorded), changes, accounts.u_input
+
+
+def _recorded(
+    one: WindowedLog,
+    accounts: Accounts,
+    row: int,
+    kinds: Sequence[tuple[str | None, ContributionKind]],
+    quantity: int,
+) -> Contribution:
+    """The account of one quantity of one run, of one `row` of the accounts."""
+    measured = float(accounts.measured[row, quantity])
+    values, spreads = accounts.parts[row, :, quantity], COVERED * accounts.u[row, :, quantity]
+    parts = zip(
+        kinds,
+        values.tolist(),
+        (values - spreads).tolist(),
+        (values + spreads).tolist(),
+        strict=True,
+    )
+    return Contribution(
+        log=one.number,
+        load=one.log.run.load,
+        plateau_speed=one.plateau_speed,
+        metric=QUANTITIES[quantity],
+        as_given=float(accounts.as_given[row, quantity]),
+        measured=measured,
+        parts=tuple(ContributionPart(*kind, *ends) for kind, *ends in parts)
+        if math.isfinite(measured)
+        else (),
+    )
+
+
+def _changes(one: WindowedLog, changed: Signal) -> list[LargestChange]:
+    """Changes of the efficiencies of one run, of those of all quantities, (14,); without what the
+    model cannot give.
+    """
+    by = {metric: float(changed[QUANTITIES.index(metric)]) for metric in EFFICIENCIES}
+    return [
+        LargestChange(metric, change, load=one.log.run.load)
+        for metric, change in by.items()
+        if math.isfinite(change)
+    ]
 
 
 def with_uncertain_laws(accounts: Accounts, loaded: Mask, discrepancy: float) -> Signal:
@@ -336,13 +356,7 @@ def efficiency_changes(
     for k, window in enumerate(windows or [None] * len(data.logs)):
         one = windowed(data, k, window)
         before, after = (one.simulated(own[k], data.skew(nu), data.zeros(nu)[k]) for own in models)
-        for metric in EFFICIENCIES:
-            change = float((after - before)[QUANTITIES.index(metric)])
-            found += (
-                [LargestChange(metric, change, load=one.log.run.load)]
-                if math.isfinite(change)
-                else []
-            )
+        found += _changes(one, after - before)
     return found
 
 

@@ -150,7 +150,7 @@ def foresee(
         for name, effect in acting.items()
         for moved, step in varied(effect.effect, np.array(effect.values), STEP)
     ]
-    variants = [(nu, [*({**acting, name: moved}).values()]) for name, moved, _ in fields]
+    variants = [(nu, [*{**acting, name: moved}.values()]) for name, moved, _ in fields]
     there = runs.predictions_near(here, variants)
     at = runs.nearby(here).at
     by_field = _whitened(runs, (there - at[:, :, None]) / np.array([step for *_, step in fields]))
@@ -161,7 +161,8 @@ def foresee(
     new = ~(carried.any(axis=1) | np.append(np.zeros(len(fields), dtype=bool), zero))
     root = _root_of(carried @ known.covariance @ carried.T + np.diag(new.astype(np.float64)))
     open_ = np.hstack([by_field, nuisances]) @ root
-    other, others = (at, []) if true is None else _beside(prospect, known, true)
+    nothing: tuple[Signal, list[Signal]] = at, []
+    other, others = nothing if true is None else _beside(prospect, known, true)
     both = np.column_stack([runs.whiten(other - at), open_]) / math.sqrt(scale)
     laws = [*_of_laws(acting, [name for name, *_ in fields], by_field), *others]
     own = np.column_stack([nuisances[:, zero], *(LAW * law for law in laws)]) / math.sqrt(scale)

@@ -287,4 +287,4 @@ def _numerical(data: Fitted, one: WindowedLog) -> Signal:
         for part in (1.0, 0.5)
     )
     change, size = np.nan_to_num(np.abs(half - whole)), np.nan_to_num(np.abs(whole))
-    return np.divide(change, size, out=np.zeros_like(size), where=size > 0.0)
+    return np.asarray(np.divide(change, size, out=np.zeros_like(size), where=size > 0.0))

@@ -25,16 +25,17 @@ from winchcascade.diagnosis.fit.block_noise import with_ramps
 from winchcascade.diagnosis.fit.fitted_log import (
     log_for_fit,
     repeats_of,
-    whitener_of_blocks,
+    whitener_of,
     with_channels_of,
 )
 from winchcascade.diagnosis.fit.marginal import Columns
 from winchcascade.diagnosis.fit.nearby import Nearby
 from winchcascade.diagnosis.fit.nuisances import COURSES, LOAD, Nuisance, nuisances
 from winchcascade.diagnosis.fit.predict import ALL_KEPT, CHANNELS, MAX_KEPT
+from winchcascade.diagnosis.fit.suspects import varied
 from winchcascade.rig.baseline import baseline, stated_effects
 from winchcascade.rig.effects.run_order import RunOrder, RunPlace, order_of
-from winchcascade.rig.parts import Model, changed, possible
+from winchcascade.rig.parts import Model, changed, differences, possible
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -47,9 +48,6 @@ if TYPE_CHECKING:
     from winchcascade.core.scales import Scales
     from winchcascade.rig.effects.effect import ActiveEffect, Values
 
-
-RHO = 0.2
-"""Correlation of a block's error with the one before: smoothing of the velocity, gusts, ringing."""
 
 Variant = tuple["Signal", "Sequence[ActiveEffect]"]
 """Nuisances in units of their tolerance, and the effects that act."""
@@ -67,12 +65,6 @@ newest; a search returns to few."""
 SERVES = 0.2
 """Derivatives of another place serve for uncertainties if they miss no more than this share of the
 way from there, or less than a standard deviation of all logs. [1]
-"""
-
-
-NEWLY = 0.25
-"""Minimum share that the derivatives of a place miss where something acts that does not act there:
-what a number moves may depend on it, as that of the cooling of a gas on its heating. [1]
 """
 
 
@@ -132,9 +124,9 @@ class Fitted:
         self.seen = np.concatenate([log.noise.seen for log in self.logs])
         self.noise = np.concatenate([log.noise.total for log in self.logs])
         self.logged_noise = np.concatenate([log.noise.logged for log in self.logs])
-        self.whitener = self._whitener_of(
-            np.concatenate([whitener_of_blocks(log.noise) for log in self.logs])
-        )
+        taking = [k not in self.withheld for k in range(len(self.logs))]
+        noises = [log.noise for log in self.logs]
+        self.whitener = whitener_of(noises, taking, self.blocks.joined)
         self.local = self.whitener @ self._local_columns()
 
     @property
@@ -303,14 +295,11 @@ class Fitted:
             found = Nearby(
                 courses, self.models(nu, effects), self.skew(nu), self.predict(nu, effects)
             )
-            ways = [
-                (max(missed, 0.0 if acting.keys() <= dict(own).keys() else NEWLY), missed, known)
-                for (_, own), known in self._places.items()
-                if (missed := self._missed(known, found)) < math.inf
-            ]
-            if ways:
-                missed, _, known = min(ways, key=lambda way: way[:2])
-                found.take(known, missed)
+            missed = {one: self._missed(known, found) for one, known in self._places.items()}
+            nearest = min(missed, key=missed.__getitem__, default=key)
+            if missed.get(nearest, math.inf) < math.inf:
+                newly = [one for one in effects if one.effect.name not in dict(nearest[1])]
+                found.take(self._places[nearest], missed[nearest], self._changed_by(newly, place))
         self._places.setdefault(key, found)
         while len(self._places) > PLACES:
             del self._places[[*self._places][1]]
@@ -325,6 +314,17 @@ class Fitted:
             float(np.linalg.norm(self.whiten(one))) for one in (way[0], way[1] - way[0])
         )
         return max(missed - 1.0, 0.0) / max(moved, 1.0)
+
+    def _changed_by(self, some: Sequence[ActiveEffect], place: Variant) -> set[str]:
+        """Numbers, by their paths, that a change of a field of some effects of a place changes."""
+        nu, effects = place
+        here, found = self.models(nu, effects), set[str]()
+        for one in some:
+            for moved, _ in varied(one.effect, np.array(one.values), PART):
+                there = self.models(nu, [moved if other is one else other for other in effects])
+                each = zip(here, there, strict=True)
+                found = found.union(*(differences(*pair) or {} for pair in each))
+        return found
 
     def predictions_near(
         self, place: Variant, variants: Sequence[Variant], serves: float = SERVES
@@ -372,32 +372,6 @@ class Fitted:
                 mean = np.sum(weight * residual[rows], axis=0) / (np.sum(weight, axis=0) + prior)
             left[rows] -= np.nan_to_num(mean).clip(-ZERO_REACH * u_zero, ZERO_REACH * u_zero)
         return left
-
-    def _whitener_of(self, of_blocks: Signal) -> csr_array:
-        """Matrix that turns residual blocks in a row into independent numbers of unit variance, (M
-        * 5, M * 5).
-
-        A channel without information in a block gives zeros, and so does a withheld log. Within a
-        phase, a share `RHO` of the block before is subtracted.
-
-        Parameters
-        ----------
-        of_blocks : (M, 5, 5) as `Log` has it
-        """
-        from scipy.sparse import bsr_array, csr_array, diags_array, eye_array, kron
-
-        taking = np.concatenate(
-            [np.full(size, k not in self.withheld) for k, size in enumerate(self.sizes)]
-        )
-        size, joined = of_blocks.shape[0], self.blocks.joined
-        own = bsr_array((of_blocks * taking[:, None, None], np.arange(size), np.arange(size + 1)))
-        share = 1.0 / math.sqrt(1.0 - RHO * RHO)
-        diagonals = [
-            np.where(joined, share, 1.0).tolist(),
-            np.where(joined[1:], -RHO * share, 0.0).tolist(),
-        ]
-        before = diags_array(diagonals, offsets=[0, -1])
-        return csr_array(kron(before, eye_array(len(CHANNELS)), format="csr") @ own.tocsr())
 
     def whiten(self, residual: Signal) -> Signal:
         """Residual blocks as independent numbers of unit variance, (M * 5, ...) from (M, 5,

@@ -57,8 +57,10 @@ class Nearby:
         self._true = [self._predicted(k, model, None) for k, model in enumerate(true)]
         self._slopes: list[dict[str, Slope]] = [{} for _ in courses]
 
-    def take(self, known: Nearby, missed: float) -> None:
-        """Use the derivatives of another place too, which miss a share of the way from there.
+    def take(self, known: Nearby, missed: float, newly: set[str]) -> None:
+        """Use the derivatives of another place too, which miss a share of the way from there; but
+        not over numbers that are `newly` changed here: what the cooling of a gas moves depends on
+        whether it heats.
 
         Those that move nothing in a log but something in another one miss nothing: no current
         reaches a roll-off in open circuit.
@@ -69,7 +71,10 @@ class Nearby:
             inert = number in moving and not one.moves.any()
             return one._replace(missed=0.0 if inert else one.missed + missed)
 
-        self._slopes = [{n: served(n, one) for n, one in own.items()} for own in known._slopes]
+        self._slopes = [
+            {n: served(n, one) for n, one in own.items() if newly.isdisjoint(one.along)}
+            for own in known._slopes
+        ]
 
     def _predicted(self, k: int, model: Model, skew: Signal | None) -> Signal:
         return self._courses[k].predict(model, skew=skew)
@@ -132,7 +137,8 @@ def _foreseen(
     Each derivative is along numbers that follow the one that it is kept by, so that one pass in
     their order suffices.
     """
-    moved, left, ahead = 0.0, dict(change), sorted(change)
+    moved: Signal | float = 0.0
+    left, ahead = dict(change), sorted(change)
     while ahead:
         number = ahead.pop(0)
         if number not in slopes or slopes[number].missed > serves:

@@ -28,8 +28,9 @@ from winchcascade.diagnosis.diagnosis_result import StageEnergy
 from winchcascade.diagnosis.fit.block_means import PHASES
 from winchcascade.diagnosis.fit.evidence import inside_of
 from winchcascade.diagnosis.fit.fit_set import STEP
+from winchcascade.diagnosis.fit.fitted_log import RHO
 from winchcascade.diagnosis.fit.marginal import Columns
-from winchcascade.diagnosis.fit.misfit import LOCAL, RHO
+from winchcascade.diagnosis.fit.misfit import LOCAL
 from winchcascade.diagnosis.fit.nuisances import COURSES, WITHOUT_ZERO, sensor_errors
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.suspects import varied
