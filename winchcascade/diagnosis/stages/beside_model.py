@@ -164,7 +164,8 @@ def _slopes(made: Deviations, model: Model) -> dict[str, dict[str, Signal]]:
     """Change of the gap of each stage over the zero of each sensor, by channel, and over the lag of
     voltage and current, by `LATE`, (n,) each.
     """
-    run, found, late = made.run, dict[str, tuple[float, Run]](), made.run
+    found: dict[str, tuple[float, Run]] = {}
+    run = late = made.run
     for channel in (name for name in CHANNELS if name in run.channels):
         error = MISREAD * (float(np.max(np.abs(run.channels[channel]))) or 1.0)
         found[channel] = error, misread(run, channel, "zero", error)
