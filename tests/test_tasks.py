@@ -15,7 +15,8 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from winchcascade.core.errors import LogError
-from winchcascade.core.jobs import Outcome, Workers, linear_algebra_on_one_thread
+from winchcascade.core.jobs import Workers, linear_algebra_on_one_thread
+from winchcascade.core.outcome import Outcome
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="ends processes as POSIX does")
 

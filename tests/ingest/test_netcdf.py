@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -18,7 +19,7 @@ ROWS = 400
 T = np.arange(ROWS) / 25.0
 V = 0.5 * np.sin(0.3 * T)
 FORCE = 2000.0 + 50.0 * np.cos(T)
-VARIABLES = {
+VARIABLES: dict[str, tuple[Any, dict[str, Any]]] = {
     "time": (T, {"units": "seconds since 2026-05-14 09:30:00"}),
     "line_velocity": (60.0 * V, {"units": "m/min"}),
     "ch3": (np.rint(FORCE / 0.5).astype(np.int32), {
@@ -29,7 +30,8 @@ VARIABLES = {
 
 
 def classic(path: Path, version: int = 1) -> None:
-    with netcdf_file(path, "w", version=version) as file:
+    file: Any = netcdf_file(path, "w", version=version)
+    with file:
         file.load_ohm = 36.0
         file.createDimension("time", None)
         file.createDimension("mode", 3)

@@ -56,7 +56,7 @@ class Work(msgspec.Struct, frozen=True):
     @property
     def fingerprint(self) -> str:
         """Digest of the content of its files now."""
-        files = (self.path, *self.settings.beside)
+        files: tuple[str | Path, ...] = (self.path, *self.settings.beside)
         return joint_digest([fingerprint(file) for file in files])
 
 

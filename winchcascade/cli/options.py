@@ -85,7 +85,7 @@ def argument(name: str, text: str, names: Callable[[str], Sequence[Any]] | None 
     return typer.Argument(metavar=name, help=text, show_default=False, autocompletion=names)
 
 
-LOG = argument("LOG", "The log: CSV, .lvm, TDMS, MATLAB, Parquet or Excel.")
+LOG = argument("LOG", "The log: CSV, .lvm, TDMS, MATLAB, NetCDF, Parquet or Excel.")
 """The argument of a single log."""
 
 _TABLE = "The published table: a table file, or the built-in hsu2026-table2."

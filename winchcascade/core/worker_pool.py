@@ -157,7 +157,7 @@ def run_there(
             f"--scheduler {scheduler}: cannot be reached ({first_line(fault)}); {such}"
         ) from None
     with client:
-        parcels = _parcels(jobs, max(1, sum(client.nthreads().values())))
+        parcels = _parcels(jobs, max(1, sum(client.nthreads().values())))  # type: ignore[no-untyped-call]
         futures = {
             client.submit(_attempts, work, parcel, pure=False): [place for place, _ in parcel]
             for parcel in parcels

@@ -87,8 +87,8 @@ def read_run(
 
     Parameters
     ----------
-    path : CSV of any dialect, LabVIEW's .lvm, TDMS, MATLAB .mat, Parquet or Excel; the content
-        decides which. Or a DataFrame with the columns of a log and its clock in a column or the
+    path : CSV of any dialect, LabVIEW's .lvm, TDMS, MATLAB .mat, NetCDF, Parquet or Excel; the
+        content decides which. Or a DataFrame with the columns of a log and its clock in a column or the
         index; it is not changed
     rig : the rig whose sensors and columns are expected; by default that of the campaign, else the
         paper's, as assumed. The run keeps it for `reduce`.

@@ -145,12 +145,17 @@ def _classic(path: Path) -> NetcdfFile:
     with netcdf_file(path, mmap=False, maskandscale=False) as file:
         for one in file.variables.values():
             require_numbers(path, int(np.prod(one.shape, dtype=float)))
+        stated: Any = file  # scipy declares no attributes
         variables = [
-            Variable(name, one.dimensions, _native(one[:] if one.shape else one.getValue()),
-                     _attributes(one._attributes))
-            for name, one in file.variables.items()
-        ]  # fmt: skip
-        return NetcdfFile(variables, _attributes(file._attributes))
+            Variable(
+                name,
+                tuple(one.dimensions),
+                _native(one[:] if one.shape else one.getValue()),
+                _attributes(one._attributes),
+            )
+            for name, one in stated.variables.items()
+        ]
+        return NetcdfFile(variables, _attributes(stated._attributes))
 
 
 def _hdf5(path: Path) -> NetcdfFile | None:
