@@ -40,20 +40,12 @@ def over_load(runs: Sequence[LogSummary]) -> Figure | None:
     if not runs:
         return None
     figure, (left, right) = panel_figure(2.9, 1, 2)
-    draw_over_load(left, runs, "power")
-    draw_over_load(right, runs, "efficiency")
-    return figure
-
-
-def draw_over_load(ax: Axes, runs: Sequence[LogSummary], what: str) -> None:
-    """Draw mean powers, for `power`, or efficiencies of the runs over the load."""
     cascade = cascade_of(runs)
-    if what == "power":
-        unit = _points(ax, runs, [f"power_{name}" for name in cascade.names], "W")
-        label_panel(ax, "a", "Mean power in the window", y=f"Power ({unit})")
-    else:
-        _points(ax, runs, [*cascade.ratios], "1")
-        label_panel(ax, "b", "Efficiency", y="Efficiency (1)")
+    unit = _points(left, runs, [f"power_{name}" for name in cascade.names], "W")
+    label_panel(left, "a", "Mean power in the window", y=f"Power ({unit})")
+    _points(right, runs, [*cascade.ratios], "1")
+    label_panel(right, "b", "Efficiency", y="Efficiency (1)")
+    return figure
 
 
 def over_what(runs: Sequence[LogSummary]) -> str:
