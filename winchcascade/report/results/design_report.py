@@ -213,7 +213,12 @@ def _schedule_table(found: Design) -> Any:
             "%",
             2,
         ),
-        Column("95 % interval", lambda one: one.gain and band_span(one.gain, 100.0), "%", 2),
+        Column(
+            "95 % interval",
+            lambda one: None if one.gain is None else band_span(one.gain, 100.0),
+            "%",
+            2,
+        ),
         Column(
             "domain", lambda one: one.reason or ("covered" if one.within_domain else "not covered")
         ),
