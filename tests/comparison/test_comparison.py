@@ -502,7 +502,7 @@ def test_frame_plot_and_table_of_a_notebook(found: Comparison) -> None:
     one = of(found, "36 ohm", "eta_pto")
     assert (row["difference"], row["low_95"]) == (one.value, (one.interval or (0.0,))[0])
     assert len(found.plot("differences").figure.axes) == 3
-    assert "after minus" in found._repr_html_()
+    assert "after compared with before" in found._repr_html_()
     assert "Comparison(" in repr(found)
 
 

@@ -54,7 +54,7 @@ class Pages(NamedTuple):
 
     logs: dict[str, Report]
     campaign: Report
-    index: Report
+    folder: Report
     records: dict[str, RunRecord]
 
 
@@ -103,7 +103,7 @@ def means(made: Pages) -> dict[tuple[str, str], dict[str, str]]:
         for tile in report.tiles:
             if tile.name in METRICS:
                 found[log, tile.name]["tile"] = tile.value.partition(" ")[0]
-    for report, table in ((made.campaign, "budget"), (made.index, "logs")):
+    for report, table in ((made.campaign, "budget"), (made.folder, "logs")):
         for row in rows(report, table):
             for head, name in heads.items():
                 if row.get(head, "-") != "-":

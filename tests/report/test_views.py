@@ -274,7 +274,7 @@ def test_a_diagnosis_has_a_map_and_a_waterfall() -> None:
             r"plot\('flow'\): no such picture of this result; expected one of 'history'",
         ),
         (lambda _: plot(audit("hsu2026-table2")), "plot: Audit has no pictures"),
-        (lambda r: summary_html(r.mean), "summary_html: Metrics has no summary"),
+        (lambda r: summary_html(r.mean), "Metrics has no report"),
     ],
 )
 def test_what_a_result_does_not_have_is_reported(

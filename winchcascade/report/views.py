@@ -1,7 +1,7 @@
 """Results in Python: tables as frames, pictures of their reports, summaries for notebooks, and
 report files.
 
-What a result has is registered for its class: `tables_of`, `summary_of` and `report_of`.
+What a result has is registered for its class: `tables_of` and `report_of`.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from winchcascade.core.run import Run
 from winchcascade.core.viewed import LateModule
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.diagnosis.handover.calibrate import Calibration
-from winchcascade.reduction.campaign_record import CampaignReduction, runs_by_load
+from winchcascade.reduction.campaign_record import CampaignReduction
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.report import frames
-from winchcascade.report.content import Picture
+from winchcascade.report.content import PROVENANCE, Picture, Table
 from winchcascade.report.figures.histories import channels_drawn, history_figure, run_history
+from winchcascade.report.results.reduction_tables import findings_table
 from winchcascade.rig.simulate import Simulation
 from winchcascade.sea.sea_study import SeaStudy
 from winchcascade.tables.audit import Audit
@@ -118,7 +118,7 @@ def summary_html(result: object) -> str:
     """The heading and the main table of a result as HTML without scripts; every text is escaped."""
     from winchcascade.report.render.page import table_html
 
-    return table_html(*summary_of(result))
+    return table_html(*_summary(result))
 
 
 def write_report(result: object, path: str | Path, *, force: bool = False) -> Path:
@@ -236,75 +236,18 @@ def _of_record(record: Mapping[str, object], *names: str) -> Tables:
 
 
 # -------------------------------------------------------------------------------------- summaries
-@singledispatch
-def summary_of(result: object) -> tuple[str, content.Table[Any] | None]:
-    """Heading and main table of a result."""
-    reject_result("summary_html", "summary", result, summary_of.registry)
-
-
-@summary_of.register(Reduction)
-def _(result: Reduction) -> tuple[str, content.Table[Any] | None]:
-    from winchcascade.report.results.reduction_tables import cycles_table
-
-    return repr(result), cycles_table(result, uncertainty(result))
-
-
-@summary_of.register(CampaignReduction)
-def _(result: CampaignReduction) -> tuple[str, content.Table[Any] | None]:
-    from winchcascade.report.results.campaign_tables import budget_table
-
-    return repr(result), budget_table(runs_by_load(result.summary.reduced), linked=False)
-
-
-@summary_of.register(DiagnosisResult)
-def _(result: DiagnosisResult) -> tuple[str, content.Table[Any] | None]:
-    from winchcascade.report.results.diagnosis_parts import causes_table
-
-    return f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", causes_table(result)
-
-
-@summary_of.register(Run)
-def _(result: Run) -> tuple[str, content.Table[Any] | None]:
-    from winchcascade.report.results.reduction_tables import findings_table
-
-    return repr(result), findings_table(result, result.findings)
-
-
-@summary_of.register(Simulation)
-def _(result: Simulation) -> tuple[str, content.Table[Any] | None]:
-    return repr(result), None
-
-
-@summary_of.register(Calibration)
-def _(result: Calibration) -> tuple[str, content.Table[Any] | None]:
-    from winchcascade.report.results.calibration import calibration_report
-
-    return _first_table(result, calibration_report(result))
-
-
-@summary_of.register(Audit)
-@summary_of.register(Check)
-@summary_of.register(SeaStudy)
-def _(result: Audit | Check | SeaStudy) -> tuple[str, content.Table[Any] | None]:
-    return _first_table(result, report_of(result))
-
-
-def _first_table(result: object, report: content.Report) -> tuple[str, content.Table[Any] | None]:
-    """A result in one line, and the first table of its report that does not state where the data
-    come from.
+def _summary(result: object) -> tuple[str, content.Table[Any] | None]:
+    """A result in one line, and the first table of its report that states neither findings nor
+    where the data come from; of a run its findings.
     """
-    from winchcascade.report.content import Table
-
-    blocks = [block for part in report.sections if part.id != "provenance" for block in part.blocks]
-    return repr(result), next((block for block in blocks if isinstance(block, Table)), None)
-
-
-@summary_of.register(Comparison)
-def _(result: Comparison) -> tuple[str, content.Table[Any] | None]:
-    from winchcascade.report.results.comparison import differences_table, rows_of
-
-    heading = f"{result.b.name} minus {result.a.name}: {len(result.runs)} runs"
-    return heading, differences_table("efficiencies", rows_of(result, "eta"))
+    if isinstance(result, Simulation):
+        return repr(result), None
+    if isinstance(result, Run):
+        return repr(result), findings_table(result, result.findings)
+    report = report_of(result)
+    parts = (one for one in report.sections if one.id not in ("findings", PROVENANCE))
+    tables = (block for one in parts for block in one.blocks if isinstance(block, Table))
+    return f"{report.kind}: {report.title}", next(tables, None)
 
 
 # ---------------------------------------------------------------------------------------- reports

@@ -40,20 +40,12 @@ def over_load(runs: Sequence[LogSummary]) -> Figure | None:
     if not runs:
         return None
     figure, (left, right) = panel_figure(2.9, 1, 2)
-    draw_over_load(left, runs, "power")
-    draw_over_load(right, runs, "efficiency")
-    return figure
-
-
-def draw_over_load(ax: Axes, runs: Sequence[LogSummary], what: str) -> None:
-    """Draw mean powers, for `power`, or efficiencies of the runs over the load."""
     cascade = cascade_of(runs)
-    if what == "power":
-        unit = _points(ax, runs, [f"power_{name}" for name in cascade.names], "W")
-        label_panel(ax, "a", "Mean power in the window", y=f"Power ({unit})")
-    else:
-        _points(ax, runs, [*cascade.ratios], "1")
-        label_panel(ax, "b", "Efficiency", y="Efficiency (1)")
+    unit = _points(left, runs, [f"power_{name}" for name in cascade.names], "W")
+    label_panel(left, "a", "Mean power in the window", y=f"Power ({unit})")
+    _points(right, runs, [*cascade.ratios], "1")
+    label_panel(right, "b", "Efficiency", y="Efficiency (1)")
+    return figure
 
 
 def over_what(runs: Sequence[LogSummary]) -> str:
@@ -132,17 +124,16 @@ def _means(x: Signal, y: Signal) -> tuple[list[float], list[float]]:
 
 
 def _label_loads(ax: Axes, loads: Sequence[float]) -> None:
-    """Set the loads on a logarithmic axis, with a number at each that has the space for it."""
+    """Set the loads on a logarithmic axis, with a tick and its number where there is space."""
     from matplotlib.ticker import FixedLocator, NullLocator
 
     ax.set_xscale("log")
-    ax.xaxis.set_major_locator(FixedLocator(loads))
-    ax.xaxis.set_minor_locator(NullLocator())
-    width = (
-        CHARACTER * (1 + max(len(f"{load:g}") for load in loads)) * math.log(loads[-1] / loads[0])
-    )
-    named: list[float] = []
-    for load in loads:
-        if not named or math.log(load / named[-1]) > width:
+    a_character = CHARACTER * math.log(loads[-1] / loads[0])
+    named = [loads[0]]
+    for load in loads[1:]:
+        characters = 1.0 + 0.5 * (len(f"{named[-1]:g}") + len(f"{load:g}"))
+        if math.log(load / named[-1]) > characters * a_character:
             named.append(load)
-    ax.set_xticklabels([f"{load:g}" if load in named else "" for load in loads])
+    ax.xaxis.set_major_locator(FixedLocator(named))
+    ax.xaxis.set_minor_locator(NullLocator())
+    ax.set_xticklabels([f"{load:g}" for load in named])

@@ -210,11 +210,11 @@ def _run_by_run(ax: Axes, found: DiagnosisResult, cause: NamedCause) -> None:
     ax.set(xlim=(0.5, len(table) + 0.5), ylim=(bottom, top))
     ax.vlines(at, np.maximum(low, bottom), np.minimum(high, top), color=COLOURS["ink"], lw=1.1)
     inside = (value >= bottom) & (value <= top)
-    marks: LineStyle = {"ls": "none", "ms": 3.5, "color": COLOURS["ink"]}
-    ax.plot(at[inside], value[inside], marker="o", **marks)
+    dots: LineStyle = {"ls": "none", "ms": 3.5, "color": COLOURS["ink"]}
+    ax.plot(at[inside], value[inside], marker="o", **dots)
     for beyond, edge, arrow in ((high > top, top, "^"), (low < bottom, bottom, "v")):
         if beyond.any():
-            ax.plot(at[beyond], np.full(np.count_nonzero(beyond), edge), marker=arrow, **marks)
+            ax.plot(at[beyond], np.full(np.count_nonzero(beyond), edge), marker=arrow, **dots)
     if isinstance(found, StageDiagnosis):
         ax.set_xlabel("Cycle, one after the other")
     elif len(table) <= NAMED_RUNS:

@@ -88,19 +88,19 @@ def power_streams(reduction: Reduction, powers: Mapping[str, Signal]) -> Figure 
     if not powers or not reduction.cycles:
         return None
     figure, axes = panel_figure(2.75, 1, 1 + bool(reduction.bins))
-    draw_one_cycle(axes[0], reduction, powers)
+    _one_cycle(axes[0], reduction, powers)
     entries = [
         line_entry(tex(f"power_{s}"), look_of(s).colour, ls=look_of(s).dashes) for s in powers
     ]
     entries += mark_entries(phase_marks(reduction, [representative(reduction)], 0.0))
     if reduction.bins:
-        shaded = draw_over_speed(axes[1], reduction, powers)
+        shaded = _over_speed(axes[1], reduction, powers)
         entries += [patch_entry("over rated speed", "over")] if shaded else []
     legend_above(figure, entries)
     return figure
 
 
-def draw_one_cycle(ax: Axes, reduction: Reduction, powers: Mapping[str, Signal]) -> None:
+def _one_cycle(ax: Axes, reduction: Reduction, powers: Mapping[str, Signal]) -> None:
     """Draw the powers of the representative cycle over time, its window bounded by dashed lines."""
     run, cycle, zero = reduction.run, representative(reduction), clock_zero(reduction.run)
     end = cycle.phases.haul_in[1] if cycle.phases.haul_in is not None else float(run.t[-1])
@@ -115,7 +115,7 @@ def draw_one_cycle(ax: Axes, reduction: Reduction, powers: Mapping[str, Signal])
     mark_repaired(ax, repaired_spans(run, power_sources(reduction, powers), zero))
 
 
-def draw_over_speed(ax: Axes, reduction: Reduction, powers: Mapping[str, Signal]) -> bool:
+def _over_speed(ax: Axes, reduction: Reduction, powers: Mapping[str, Signal]) -> bool:
     """Draw the powers of the payouts over generator speed, with their means in bins; whether
     speeds above rated are shaded.
     """
@@ -355,24 +355,25 @@ def trend(reduction: Reduction) -> Figure | None:
     """
     if len(reduction.complete) < TREND_FROM:
         return None
-    energies = [m for m in reduction.rig.cascade.energies if reduction.mean[m] is not None]
-    etas = known_ratios(reduction)
-    groups = [row for row in (("Efficiency", "1", etas), ("Energy", "J", energies)) if row[2]]
+    cascade, mean = reduction.rig.cascade, reduction.mean
+    groups = [
+        (title, unit, known)
+        for title, unit, names in (
+            ("Efficiency", "1", cascade.ratios),
+            ("Energy", "J", cascade.energies),
+        )
+        if (known := [name for name in names if mean[name] is not None])
+    ]
     if not groups:
         return None
     figure, axes = panel_figure(0.4 + 1.6 * len(groups), len(groups), share="x")
     for ax, letter, (title, unit, names) in zip(axes, "ab", groups, strict=False):
-        label_panel(ax, letter, title, unit=draw_trend(ax, reduction, names, unit))
+        label_panel(ax, letter, title, unit=_trend(ax, reduction, names, unit))
     axes[-1].set_xlabel("Cycle")
     return figure
 
 
-def known_ratios(reduction: Reduction) -> list[str]:
-    """Efficiencies that the log gives."""
-    return [m for m in reduction.rig.cascade.ratios if reduction.mean[m] is not None]
-
-
-def draw_trend(ax: Axes, reduction: Reduction, names: Sequence[str], unit: str) -> str:
+def _trend(ax: Axes, reduction: Reduction, names: Sequence[str], unit: str) -> str:
     """Draw metrics of one unit over the number of the complete cycle; gives the unit of the
     axis.
     """

@@ -28,8 +28,9 @@ def pdf_bytes(report: Report) -> bytes:
     import typst
 
     report = report.illustrated()
-    text = msgspec.json.encode(_record(report, drawn=True)).decode()
-    strange = lacking_letters(msgspec.json.encode(_record(report, drawn=False)).decode())
+    text = msgspec.json.encode(_record(report)).decode()
+    figures = {one.id: drawing.drawn(one.figure).decode() for one in report.pictures}
+    strange = lacking_letters(text)
     fallback = fonts_for(strange) if strange else []
     for letter in strange - {letter for _, covers in fallback for letter in covers}:
         text = text.replace(letter, f"⟨U+{ord(letter):04X}⟩")
@@ -37,7 +38,7 @@ def pdf_bytes(report: Report) -> bytes:
     content = typst.Compiler(
         (template_folder() / "report.typ").read_bytes(),
         font_paths=fonts_in((fonts, *(Path(file).parent for file, _ in fallback))),
-        sys_inputs={"report": text},
+        sys_inputs={"report": text, "figures": msgspec.json.encode(figures).decode()},
     ).compile(timestamp=int(made_at().timestamp()))
     assert isinstance(content, bytes)
     return content
@@ -47,8 +48,8 @@ def _text(text: str) -> str:
     return typeset(clean(text))
 
 
-def _record(report: Report, *, drawn: bool) -> dict[str, Any]:
-    """A report as the template reads it; `drawn` with its figures."""
+def _record(report: Report) -> dict[str, Any]:
+    """A report as the template reads it, figures by their names."""
     return {
         "kind": report.kind,
         "title": _text(report.title),
@@ -69,26 +70,25 @@ def _record(report: Report, *, drawn: bool) -> dict[str, Any]:
             {"about": note.about, "text": _text(note.text), "tone": note.tone}
             for note in report.notes
         ],
-        "lead": None if report.lead is None else _block(report.lead, drawn=drawn),
+        "lead": None if report.lead is None else _block(report.lead),
         "sections": [
             {
                 "heading": _text(one.heading),
-                "blocks": [_block(block, drawn=drawn) for block in one.blocks],
+                "blocks": [_block(block) for block in one.blocks],
             }
             for one in report.sections
         ],
     }
 
 
-def _block(block: Block, *, drawn: bool) -> dict[str, Any]:
+def _block(block: Block) -> dict[str, Any]:
     if isinstance(block, Picture):
-        svg = drawing.drawn(block.figure).decode() if drawn else ""
         share = float(block.figure.get_figwidth() / WIDTH) if block.figure is not None else 1.0
         return {
             "type": "picture",
             "caption": _text(block.caption),
             "alt": _text(block.alt),
-            "svg": svg,
+            "figure": block.id,
             "share": share,
         }
     if isinstance(block, Table):

@@ -1,5 +1,5 @@
-"""Blocks that the reports of several results have: where the data come from, provenance, time
-histories, and what a diagnosis knows of the rig that a result uses.
+"""Blocks that the reports of several results have: where the data come from, provenance, and time
+histories.
 """
 
 from __future__ import annotations
@@ -7,15 +7,13 @@ from __future__ import annotations
 import platform
 from collections.abc import Callable, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import msgspec
 import numpy
 
 from winchcascade.core.campaign_file import Origin
 from winchcascade.core.store import fingerprint
 from winchcascade.core.version import __version__, made_at
-from winchcascade.diagnosis.diagnosis_result import Judgement
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.content import (
     PAIRS,
@@ -27,7 +25,6 @@ from winchcascade.report.content import (
     Table,
     section,
 )
-from winchcascade.report.diagnosis_names import call_all
 from winchcascade.report.figures.histories import (
     SHADED_CYCLES,
     history_figure,
@@ -126,38 +123,3 @@ RATIOS = {"eta_trans": "line to shaft", "eta_gen": "shaft to DC link", "eta_pto"
 def ratio_words(eta: str, stages: tuple[str, str]) -> str:
     """Between which stages an efficiency is."""
     return RATIOS.get(eta) or " to ".join(stages)
-
-
-def judgement_record(judgement: Judgement) -> dict[str, Any]:
-    """Verdict, causes, candidates, and the class of look-alikes of each of these that has one."""
-    return {
-        "verdict": judgement.verdict,
-        "causes": list(judgement.causes),
-        "candidates": list(judgement.candidates),
-        "classes": {name: msgspec.structs.asdict(own) for name, own in judgement.classes.items()},
-    }
-
-
-def judgement_note(judgement: Judgement) -> Note:
-    """The verdict with causes and candidates."""
-    names = {"causes": judgement.causes, "candidates": judgement.candidates}
-    listed = "; ".join(f"{kind}: {call_all(several)}" for kind, several in names.items() if several)
-    known = judgement.verdict in ("explained", "no_gap")
-    sentence = f"{_words(judgement)}{listed and f'; {listed}'}."
-    return Note(sentence, "Diagnosis", "plain" if known else "warn", brief=not known)
-
-
-def judgement_banner(judgement: Judgement) -> str:
-    """Warning for every page of what uses the rig of an unexplained gap; empty otherwise."""
-    return f"{_words(judgement)}." if judgement.verdict == "unexplained" else ""
-
-
-def _words(judgement: Judgement) -> str:
-    """The verdict as the beginning of a sentence.
-
-    >>> _words(Judgement("partly_explained"))
-    'The gap of the diagnosis is partly explained'
-    """
-    if judgement.verdict == "no_gap":
-        return "The diagnosis finds no gap"
-    return f"The gap of the diagnosis is {judgement.verdict.replace('_', ' ')}"

@@ -39,7 +39,6 @@ from winchcascade.report.results.common import data_note, provenance
 from winchcascade.report.wording import banner, load_words
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -308,18 +307,10 @@ half as many.
 
 
 def difference_figure(found: Comparison, metrics: Sequence[str]) -> Figure:
-    """Draw the differences of some efficiencies, each in a panel of its own, as their intervals
-    differ in width.
+    """Draw the differences of some efficiencies from the heaviest load on, each in a panel of its
+    own, as their intervals differ in width; full markers: the interval excludes zero.
     """
     figure, axes = panel_figure(0.5 + 1.1 * len(metrics), len(metrics), share="x")
-    draw_differences(axes, found, metrics)
-    return figure
-
-
-def draw_differences(axes: Sequence[Axes], found: Comparison, metrics: Sequence[str]) -> None:
-    """Draw an efficiency on each of some Axes, from the heaviest load on; full markers: the
-    interval excludes zero.
-    """
     runs = evenly([*reversed(found.runs)], MAX_DRAWN)
     for k, (ax, name) in enumerate(zip(axes, metrics, strict=True)):
         place = name.rpartition("_")[2]
@@ -339,3 +330,4 @@ def draw_differences(axes: Sequence[Axes], found: Comparison, metrics: Sequence[
     axes[-1].set_xticks(
         range(len(runs)), names, rotation=90 if len(runs) > MAX_DRAWN // 2 else 0, parse_math=False
     )
+    return figure

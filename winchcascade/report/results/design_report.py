@@ -12,12 +12,8 @@ import numpy as np
 
 from winchcascade.core.version import __version__
 from winchcascade.design.design import LIMITED, METRIC, Design, OperatingPoint, Repair, Scheduled
-from winchcascade.diagnosis.handover.posterior import Band
-from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.report.content import (
-    Cell,
     Column,
-    Measured,
     Note,
     Picture,
     Report,
@@ -39,11 +35,14 @@ from winchcascade.report.figures.style import (
     load_looks,
     panel_figure,
 )
-from winchcascade.report.results.common import (
+from winchcascade.report.results.common import provenance
+from winchcascade.report.results.judgement import (
+    band_cell,
+    band_record,
+    band_span,
     judgement_banner,
     judgement_note,
     judgement_record,
-    provenance,
 )
 
 if TYPE_CHECKING:
@@ -78,7 +77,7 @@ def design_record(found: Design) -> dict[str, Any]:
         },
         "rows": [
             {"load_ohm": row.load, "speed_mps": row.speed}
-            | {name: _band(band) for name, band in row.values.items()}
+            | {name: band_record(band) for name, band in row.values.items()}
             | {
                 "within_domain": row.within_domain,
                 "over_limit": bool(row.exceeds),
@@ -111,13 +110,6 @@ def design_record(found: Design) -> dict[str, Any]:
     }
 
 
-def _band(band: Band) -> dict[str, float | None]:
-    return {
-        name: x if math.isfinite(x) else None
-        for name, x in (("value", band.value), ("low", band.low), ("high", band.high))
-    }
-
-
 def _repair(one: Repair) -> dict[str, Any]:
     """A repair, with what it brings in a year where the motions have a number."""
     record = {
@@ -125,9 +117,11 @@ def _repair(one: Repair) -> dict[str, Any]:
         "energy_j_per_cycle": one.per_cycle.value,
         "low": one.per_cycle.low,
     }
-    record |= {"high": one.per_cycle.high, "line_energy_saved_j_per_cycle": _band(one.saved)}
+    record |= {"high": one.per_cycle.high, "line_energy_saved_j_per_cycle": band_record(one.saved)}
     record |= {"within_domain": one.within_domain}
-    return record | ({} if one.per_year is None else {"energy_kwh_per_year": _band(one.per_year)})
+    return record | (
+        {} if one.per_year is None else {"energy_kwh_per_year": band_record(one.per_year)}
+    )
 
 
 def schedule_csv(found: Design, criterion: str = "power") -> str:
@@ -207,14 +201,6 @@ def _limits(found: Design) -> str:
     )
 
 
-def _cell(band: Band) -> Cell:
-    return Measured(band.value, (band.high - band.value) / COVERED, both=True)
-
-
-def _interval(band: Band) -> Span:
-    return Span(band.low, band.high, (band.high - band.value) / COVERED)
-
-
 def _schedule_table(found: Design) -> Any:
     """The bands of both criteria."""
     columns: list[Column[Scheduled]] = [
@@ -227,16 +213,17 @@ def _schedule_table(found: Design) -> Any:
             "%",
             2,
         ),
-        Column("95 % interval", lambda one: _percent(one.gain), "%", 2),
+        Column(
+            "95 % interval",
+            lambda one: None if one.gain is None else band_span(one.gain, 100.0),
+            "%",
+            2,
+        ),
         Column(
             "domain", lambda one: one.reason or ("covered" if one.within_domain else "not covered")
         ),
     ]
     return table("schedule", "Best load of each band of generator speed.", columns, found.schedule)
-
-
-def _percent(gain: Band | None) -> Cell:
-    return None if gain is None else Span(100.0 * gain.low, 100.0 * gain.high)
 
 
 def _map_table(found: Design) -> Any:
@@ -245,7 +232,7 @@ def _map_table(found: Design) -> Any:
         Column("load", lambda row: row.load, "ohm"),
         Column("speed", lambda row: row.speed, "m/s", 3),
         *(
-            Column(head, lambda row, name=name: _cell(row.values[name]), unit)  # type: ignore[misc]
+            Column(head, lambda row, name=name: band_cell(row.values[name]), unit)  # type: ignore[misc]
             for name, head, unit in SHOWN
         ),
         Column("outside", lambda row: "" if row.within_domain else "logs"),
@@ -260,11 +247,11 @@ def _repairs_section(found: Design) -> Section:
     yearly = any(one.per_year is not None for one in found.repairs)
     columns: list[Column[Repair]] = [
         Column("without", lambda one: called(one.effect)),
-        Column("delivered", lambda one: _cell(one.per_cycle), "J a cycle"),
-        Column("95 % interval", lambda one: _interval(one.per_cycle), "J a cycle"),
-        *([Column("a year", lambda one: None if one.per_year is None else _cell(one.per_year), "kWh")]
+        Column("delivered", lambda one: band_cell(one.per_cycle), "J a cycle"),
+        Column("95 % interval", lambda one: band_span(one.per_cycle), "J a cycle"),
+        *([Column("a year", lambda one: None if one.per_year is None else band_cell(one.per_year), "kWh")]
           if yearly else []),
-        Column("saved of the line", lambda one: _cell(one.saved), "J a cycle"),
+        Column("saved of the line", lambda one: band_cell(one.saved), "J a cycle"),
         Column("domain", lambda one: "covered" if one.within_domain else "not covered"),
     ]  # fmt: skip
     caption = (

@@ -255,7 +255,7 @@ def action_of(found: DiagnosisResult, cause: NamedCause) -> Action:
     own = found.judgement.classes.get(cause.effect)
     if own is not None and own.broken_by:
         return Action(f"confirm it by {own.broken_by.partition(';')[0]}", "`--write` enters it")
-    return Action(f"correct the {effect.display.what} in the rig file", "`--write` enters it")
+    return Action("correct it in the rig file", "`--write` enters it")
 
 
 # ----------------------------------------------------------------------- what else a reader needs

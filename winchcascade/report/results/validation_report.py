@@ -28,12 +28,8 @@ from winchcascade.report.content import (
 )
 from winchcascade.report.diagnosis_names import origins_of
 from winchcascade.report.glossary import short
-from winchcascade.report.results.common import (
-    data_note,
-    judgement_banner,
-    judgement_note,
-    provenance,
-)
+from winchcascade.report.results.common import data_note, provenance
+from winchcascade.report.results.judgement import judgement_banner, judgement_note
 from winchcascade.report.wording import banner
 
 FILED = ("power_gen", "eta_trans", "eta_gen", "eta_pto")
