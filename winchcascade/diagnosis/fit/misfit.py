@@ -64,7 +64,13 @@ newest; a search returns to few."""
 
 SERVES = 0.2
 """Derivatives of another place serve for uncertainties if they miss no more than this share of the
-way from there, or less than a standard deviation of all logs. [1]
+way from there. [1]
+"""
+
+
+NEWLY = 0.25
+"""Minimum share that the derivatives of a place miss where something acts that does not act there:
+they serve only a search that leads on. [1]
 """
 
 
@@ -299,7 +305,8 @@ class Fitted:
             nearest = min(missed, key=missed.__getitem__, default=key)
             if missed.get(nearest, math.inf) < math.inf:
                 newly = [one for one in effects if one.effect.name not in dict(nearest[1])]
-                found.take(self._places[nearest], missed[nearest], self._changed_by(newly, place))
+                share = max(missed[nearest], NEWLY if newly else 0.0)
+                found.take(self._places[nearest], share, self._changed_by(newly, place))
         self._places.setdefault(key, found)
         while len(self._places) > PLACES:
             del self._places[[*self._places][1]]
@@ -313,7 +320,7 @@ class Fitted:
         moved, missed = (
             float(np.linalg.norm(self.whiten(one))) for one in (way[0], way[1] - way[0])
         )
-        return max(missed - 1.0, 0.0) / max(moved, 1.0)
+        return missed / max(moved, 1.0)
 
     def _changed_by(self, some: Sequence[ActiveEffect], place: Variant) -> set[str]:
         """Numbers, by their paths, that a change of a field of some effects of a place changes."""
