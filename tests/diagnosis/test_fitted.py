@@ -207,8 +207,8 @@ def test_derivatives_serve_near_to_where_they_were_taken(data: Fitted) -> None:
 
 def test_derivatives_that_miss_the_way_to_a_place_do_not_serve_there(data: Fitted) -> None:
     nothing = np.zeros(len(data.nuisances))
-    data.tolerances(nothing, [])
-    weak = [make_effect("ke_shift", {"k_e_change": -0.4})]
+    slightly, weak = ([make_effect("ke_shift", {"k_e_change": by})] for by in (-0.05, -0.4))
+    data.tolerances(nothing, slightly)
     lent, served, own = (data.tolerances(nothing, weak, way) for way in (math.inf, 0.0, -1.0))
     assert np.any(lent != own)
     assert served == pytest.approx(own, rel=1e-9, abs=1e-12)

@@ -49,7 +49,7 @@ from winchcascade.diagnosis.fit.entries import bound_to
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.nuisances import before_calibration
 from winchcascade.diagnosis.fit.rig_problem import RigProblem
-from winchcascade.diagnosis.fit.search import Found, gone_on, search, weighing
+from winchcascade.diagnosis.fit.search import Found, search, weighing
 from winchcascade.diagnosis.fit.undetermined import Direction, alike, undetermined
 from winchcascade.diagnosis.judge.alarms import SIGNS, Judged, moved_by, ringing
 from winchcascade.diagnosis.judge.causes import (
@@ -80,11 +80,6 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.fit.suspects import Suspects
     from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
     from winchcascade.rig.effects.effect import ActiveEffect
-
-LEADS_ON = 0.3
-"""Derivatives of another place serve in the search of a set, which leads on, if they miss no more
-than this share of the way from there. [1]
-"""
 
 
 class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
@@ -191,15 +186,13 @@ def diagnose(
         )
     directions = undetermined(data)
     problem = RigProblem(data, suspects, alike(directions, suspects))
-    found = search(msgspec.structs.replace(problem, serves=LEADS_ON), on_progress)
+    found = search(problem, on_progress)
     calmed = data.with_ramps(
         data.measured - data.predict(found.best.nu, found.best.effects(suspects))
     )
     if calmed is not None:
         data = calmed
         found = search(msgspec.structs.replace(problem, data=data), on_progress, found.best)
-    else:
-        found = gone_on(found.exactly(problem), on_progress)
     held_out = HeldOut(data, seed)
     found = concluded(data, found, held_out, on_progress)
     nothing = np.zeros(len(data.nuisances))

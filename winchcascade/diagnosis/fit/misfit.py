@@ -32,10 +32,9 @@ from winchcascade.diagnosis.fit.marginal import Columns
 from winchcascade.diagnosis.fit.nearby import Nearby
 from winchcascade.diagnosis.fit.nuisances import COURSES, LOAD, Nuisance, nuisances
 from winchcascade.diagnosis.fit.predict import ALL_KEPT, CHANNELS, MAX_KEPT
-from winchcascade.diagnosis.fit.suspects import varied
 from winchcascade.rig.baseline import baseline, stated_effects
 from winchcascade.rig.effects.run_order import RunOrder, RunPlace, order_of
-from winchcascade.rig.parts import Model, changed, differences, possible
+from winchcascade.rig.parts import Model, changed, possible
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -64,7 +63,7 @@ newest; a search returns to few."""
 
 SERVES = 0.2
 """Derivatives of another place serve for uncertainties if they miss no more than this share of the
-way from there, or less than a standard deviation of all logs. [1]
+way from there. [1]
 """
 
 
@@ -285,7 +284,11 @@ class Fitted:
         )
 
     def nearby(self, place: Variant) -> Nearby:
-        """A place and the derivatives that serve there; the newest `PLACES` are kept."""
+        """A place and the derivatives that serve there; the newest `PLACES` are kept.
+
+        Nothing acts there that does not act where they were taken: what the cooling of a gas moves
+        depends on whether it heats.
+        """
         nu, effects = place
         acting = {one.effect.name: one.values for one in effects}
         key = nu.tobytes(), tuple(acting.items())
@@ -295,11 +298,14 @@ class Fitted:
             found = Nearby(
                 courses, self.models(nu, effects), self.skew(nu), self.predict(nu, effects)
             )
-            missed = {one: self._missed(known, found) for one, known in self._places.items()}
+            missed = {
+                one: self._missed(known, found)
+                for one, known in self._places.items()
+                if acting.keys() <= dict(one[1]).keys()
+            }
             nearest = min(missed, key=missed.__getitem__, default=key)
             if missed.get(nearest, math.inf) < math.inf:
-                newly = [one for one in effects if one.effect.name not in dict(nearest[1])]
-                found.take(self._places[nearest], missed[nearest], self._changed_by(newly, place))
+                found.take(self._places[nearest], missed[nearest])
         self._places.setdefault(key, found)
         while len(self._places) > PLACES:
             del self._places[[*self._places][1]]
@@ -313,18 +319,7 @@ class Fitted:
         moved, missed = (
             float(np.linalg.norm(self.whiten(one))) for one in (way[0], way[1] - way[0])
         )
-        return max(missed - 1.0, 0.0) / max(moved, 1.0)
-
-    def _changed_by(self, some: Sequence[ActiveEffect], place: Variant) -> set[str]:
-        """Numbers, by their paths, that a change of a field of some effects of a place changes."""
-        nu, effects = place
-        here, found = self.models(nu, effects), set[str]()
-        for one in some:
-            for moved, _ in varied(one.effect, np.array(one.values), PART):
-                there = self.models(nu, [moved if other is one else other for other in effects])
-                each = zip(here, there, strict=True)
-                found = found.union(*(differences(*pair) or {} for pair in each))
-        return found
+        return missed / max(moved, 1.0)
 
     def predictions_near(
         self, place: Variant, variants: Sequence[Variant], serves: float = SERVES

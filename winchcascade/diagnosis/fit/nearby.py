@@ -2,7 +2,7 @@
 
 A tolerance of the rig file and a suspect often change the same number, and a load that of one log
 alone: the derivative serves all that change it. Derivatives that foresee what leads from their
-place to another one serve there too.
+place to another one serve for uncertainties there, too.
 """
 
 from __future__ import annotations
@@ -57,10 +57,8 @@ class Nearby:
         self._true = [self._predicted(k, model, None) for k, model in enumerate(true)]
         self._slopes: list[dict[str, Slope]] = [{} for _ in courses]
 
-    def take(self, known: Nearby, missed: float, newly: set[str]) -> None:
-        """Use the derivatives of another place too, which miss a share of the way from there; but
-        not over numbers that are `newly` changed here: what the cooling of a gas moves depends on
-        whether it heats.
+    def take(self, known: Nearby, missed: float) -> None:
+        """Use the derivatives of another place too, which miss a share of the way from there.
 
         Those that move nothing in a log but something in another one miss nothing: no current
         reaches a roll-off in open circuit.
@@ -71,10 +69,7 @@ class Nearby:
             inert = number in moving and not one.moves.any()
             return one._replace(missed=0.0 if inert else one.missed + missed)
 
-        self._slopes = [
-            {n: served(n, one) for n, one in own.items() if newly.isdisjoint(one.along)}
-            for own in known._slopes
-        ]
+        self._slopes = [{n: served(n, one) for n, one in own.items()} for own in known._slopes]
 
     def _predicted(self, k: int, model: Model, skew: Signal | None) -> Signal:
         return self._courses[k].predict(model, skew=skew)

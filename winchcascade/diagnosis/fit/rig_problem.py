@@ -23,25 +23,18 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.fit.suspects import Suspects
     from winchcascade.rig.effects.effect import ActiveEffect
 
-FAITHFUL = 0.1
-"""Derivatives of another place serve in a fit if they miss no more than this share of the way from
-there. [1]
-"""
-
 
 class RigProblem(msgspec.Struct, frozen=True):
     """The logs of a rig as a `Problem`: which effects explain what the model of the rig file
     leaves.
 
-    `exclusive` are suspects that change numbers which the logs know together alone. Derivatives of
-    another place `serves` where they miss no more than this share of the way from there; for what
-    acts no more than `FAITHFUL`. [1]
+    `exclusive` are suspects that change numbers which the logs know together alone. A fit takes
+    own derivatives at each of its places.
     """
 
     data: Fitted
     suspects: Suspects
     exclusive: tuple[Together, ...] = ()
-    serves: float = FAITHFUL
 
     @property
     def groups(self) -> NDArray[np.intp]:
@@ -88,11 +81,7 @@ class RigProblem(msgspec.Struct, frozen=True):
         data, variants = self.data, [(nu, effects) for effects in several]
         if near is None:
             return self._whitened(data.measured[:, :, None] - data.predictions(variants))
-        predicted = np.empty((*data.measured.shape, len(variants)))
-        changed = np.array([len(effects) == len(near) for effects in several], dtype=bool)
-        for which, serves in ((changed, FAITHFUL), (~changed, self.serves)):
-            own = [variants[k] for k in np.flatnonzero(which)]
-            predicted[:, :, which] = data.predictions_near((nu, near), own, serves)
+        predicted = data.predictions_near((nu, near), variants, serves=0.0)
         return self._whitened(data.measured[:, :, None] - predicted)
 
     def _whitened(self, gap: Signal) -> Signal:
@@ -101,4 +90,4 @@ class RigProblem(msgspec.Struct, frozen=True):
 
     def nuisance_columns(self, effects: Sequence[ActiveEffect], nu: Signal) -> Columns:
         """Whitened derivative of the prediction over the nuisances."""
-        return self.data.columns(nu, effects, serves=self.serves)
+        return self.data.columns(nu, effects, serves=0.0)

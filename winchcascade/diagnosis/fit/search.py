@@ -287,12 +287,6 @@ class Found(msgspec.Struct, frozen=True):
         self.fits[fit.names], self.centres[fit.names] = there, Centre(there, expansion, marginal)
         return self.centres[fit.names]
 
-    def exactly(self, problem: Problem) -> Found:
-        """The same with another form of its problem, of which nothing is expanded yet."""
-        evidence = msgspec.structs.replace(self.evidence, problem=problem)
-        expansion = msgspec.structs.replace(self.expansion, evidence=evidence)
-        return msgspec.structs.replace(self, expansion=expansion, centres={})
-
     def led_by(self, names: Names) -> Found:
         """The same with another set as its best, about which the objective was expanded."""
         centre = self.centres[names]
