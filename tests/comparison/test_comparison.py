@@ -541,6 +541,7 @@ def test_a_dollar_in_a_name_is_drawn_as_it_is(found: Comparison) -> None:
         for block in comparison_report(replace(found, runs=runs)).blocks
         if isinstance(block, Picture)
     ]
+    assert figure is not None
     figure.draw_without_rendering()
     assert [label.get_text() for label in figure.axes[-1].get_xticklabels()] == [
         run.label for run in reversed(runs)

@@ -135,7 +135,7 @@ def test_a_speed_that_contradicts_line_and_drum_is_reported(ratio: float) -> Non
 
 
 def test_a_power_that_contradicts_torque_and_speed_of_a_bench_is_reported() -> None:
-    t = 0.1 * np.arange(50)
+    t = np.arange(50.0) / 10.0
     omega, torque = 60.0 + t, 2.0 + 0.1 * t
     channels = {"speed": omega, "torque": torque, "power_mech": -torque * omega}
     rig = parse_rig('name = "bench"\n[phases]\nfrom = "steps"\n', "bench.toml")

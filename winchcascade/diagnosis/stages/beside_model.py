@@ -140,9 +140,8 @@ def data_beside_model(
                 f"out."
             )
     stages = [stage for stage in STAGE_ENDS if any(stage in own for _, own in several)]
-    paths = tuple(
-        StagePath(*(Place(end, ()) for end in STAGE_ENDS[stage]), at=stage) for stage in stages
-    )
+    ends = [(stage, *STAGE_ENDS[stage]) for stage in stages]
+    paths = tuple(StagePath(Place(into, ()), Place(out, ()), at=at) for at, into, out in ends)
     first = [next(own[stage] for _, own in several if stage in own).signals for stage in stages]
     axes = tuple(axes_of(one.signals) for one in first)
     laws = laws_beside_model(first, paths, data.rig, EFFECTS)
