@@ -1,12 +1,10 @@
 """The pages of the method state the numbers that the code uses."""
 
-import math
 import re
 import sys
 from functools import cache
 from typing import get_args
 
-import msgspec
 import numpy as np
 import pytest
 from pages import DOCS, ROOT, read, shown
@@ -14,19 +12,10 @@ from rigs import scale_of
 
 from winchcascade import baseline, read_run, simulate
 from winchcascade.blind.score import count
-from winchcascade.core import accuracy
 from winchcascade.core.campaign_file import load_campaign
-from winchcascade.core.rig_file import PARTS, ModelAccuracy, PhaseRule, Thresholds, measures
+from winchcascade.core.rig_file import PARTS, measures
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import FindingKind
-from winchcascade.core.toml_file import struct_fields
-from winchcascade.diagnosis import verdict_limits
-from winchcascade.diagnosis.fit import nuisances
-from winchcascade.diagnosis.judge import closure
-from winchcascade.ingest.checks import agreement, faults, lost_rows, samples, sensors, witnesses
-from winchcascade.reduction import efficiency_between_runs as between_runs
-from winchcascade.reduction import efficiency_changes, energies, gap_error, phases, wave_bootstrap
-from winchcascade.reduction.checks import at_rest, bounds, cycles, load, phased_log, relations
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.simulate import READ, Simulation
 from winchcascade.rig.steps import COARSE, STEP
@@ -40,84 +29,7 @@ def text_of(page: str, part: str = "") -> str:
     return " ".join(text.split())
 
 
-def stated(page: str) -> dict[str, float]:
-    """What a page writes as `name = number`."""
-    return {
-        name: float(value)
-        for name, value in re.findall(r"`(\w+) = ([\d.e-]+)`", read(DOCS / f"{page}.md"))
-    }
-
-
-def defaults_of(kind: type[msgspec.Struct]) -> dict[str, float]:
-    """Numbers among the settings of a rig file that need not be stated, by their names in the
-    file.
-    """
-    fields = {field.encode_name: field.default for field in struct_fields(kind)}
-    return {name: value for name, value in fields.items() if isinstance(value, float)}
-
-
-def test_the_method_states_every_threshold_of_a_rig_file_with_its_default() -> None:
-    found, paper = stated("method"), built_in().thresholds
-    thresholds = {name: getattr(paper, name) for name in defaults_of(Thresholds)}
-    assert thresholds.keys() <= found.keys()
-    assert found.items() <= {**defaults_of(PhaseRule), **thresholds}.items()
-
-
 PERCENT = 100.0
-
-RULES = built_in().thresholds
-WIDTH = RULES.smoothing
-"""What the page writes in seconds and metres is of the paper's rig: shares of its thresholds."""
-
-CHECKED = {
-    "`spike`: one to 5 samples": (
-        witnesses.SPIKE_LENGTH_MAX, PERCENT * samples.OF_RANGE, samples.OF_NOISE, PERCENT * faults.AGREE,
-    ),
-    "`spike`: code": (
-        samples.FAR, PERCENT * samples.OF_RANGE * samples.LONGER, PERCENT * faults.ONE_END,
-    ),
-    "`stuck`": (faults.HELD_MIN, math.exp(faults.CERTAIN), RULES.stroke_min * faults.TRAVEL),
-    "`clock_mismatch`: jump": (lost_rows.LARGE[0], lost_rows.MAX_JUMPS),
-    "`clock_mismatch` ": (PERCENT * agreement.UNIT, agreement.GAIN_MAX),
-    "`out_of_range`": (sensors.MIN_REPEATS, PERCENT * agreement.GAIN, agreement.CERTAIN_U),
-    "`load_mismatch`": (accuracy.CERTAIN, PERCENT * load.MISMATCH, load.SAME_NOISE),
-    "`channel_lag`": (accuracy.CERTAIN, WIDTH * relations.SAME_TIME, WIDTH * relations.INERTIA),
-    "`gain_mismatch`": (accuracy.CERTAIN, PERCENT * bounds.POWER, PERCENT * bounds.VOLTAGE),
-    "## Relations": (
-        WIDTH * relations.REACH, 1e3 * WIDTH * relations.UNKNOWN_MACHINE, PERCENT * relations.HOLDS,
-        *(1e3 * WIDTH * law.u for law in relations.LAWS),
-    ),
-    "`zero_offset`": (at_rest.TIME_CONSTANTS, accuracy.CERTAIN),
-    "`gain_step`": (PERCENT * phased_log.REPORTED / 2.0, accuracy.CERTAIN + 1.0),
-    "`dead_channel`": (cycles.OPPOSED,),
-    "`stroke_mismatch`": (PERCENT * accuracy.CERTAIN * cycles.STROKE,),
-    "`coarse_sampling`": (PERCENT * efficiency_changes.REPEATABILITY,),
-    "`coarse_resolution`": (PERCENT * phased_log.REPORTED,),
-    "## Irregular waves": (wave_bootstrap.BOOTSTRAP["draws"], wave_bootstrap.MIN_WAVES),
-    "## Net energies": (PERCENT * energies.NET_TRAVEL_MAX,),
-    "## Efficiencies that change": (
-        efficiency_changes.MOVES, 1.0 / efficiency_changes.ALPHA, PERCENT * efficiency_changes.REPEATABILITY,
-        PERCENT * between_runs.ETA_SCATTER, between_runs.ETA_DISTANCE_MIN,
-    ),
-    "## Phases": (phases.PEAK_OF_NOISE, phases.OVERTAKEN, WIDTH * phases.REST),
-    "## Incomplete cycles": (
-        WIDTH * gap_error.INSTANT_REACH, PERCENT * gap_error.WHOLE_RECORD, PERCENT * gap_error.WHOLE_ENERGY,
-    ),
-}  # fmt: skip
-"""Constants of each row or part of the page on the method, in the unit in which it states them."""
-
-
-@pytest.mark.parametrize("place", CHECKED)
-def test_the_method_states_the_constants_of_each_check(place: str) -> None:
-    text = read(DOCS / "method.md").split(place, 1)[1]
-    text = re.split(
-        r"^## " if place.startswith("#") else r"\n", text, maxsplit=1, flags=re.MULTILINE
-    )[0]
-    written = {
-        float(number) for number in re.findall(r"\d+(?:\.\d+)?(?:e-?\d+)?", f"{place} {text}")
-    }
-    for constant in CHECKED[place]:
-        assert any(math.isclose(constant, number, rel_tol=1e-9) for number in written), constant
 
 
 def test_the_checks_of_the_method_are_kinds_of_findings() -> None:
@@ -130,19 +42,6 @@ def test_what_is_not_distinguished_are_effects_and_numbers_of_a_rig_file() -> No
     assert (
         set(re.findall(r"`(\w+)`", read(DOCS / "not_distinguished.md"))) <= numbers | EFFECTS.keys()
     )
-
-
-def test_every_limit_of_a_verdict_is_stated_with_its_value() -> None:
-    limits = {name: value for name, value in vars(verdict_limits).items() if name.isupper()}
-    assert stated("how_a_diagnosis_works") == limits
-
-
-def test_what_a_diagnosis_allows_of_model_and_rig_is_stated() -> None:
-    text = text_of("how_a_diagnosis_works", "What is compared")
-    assert all(f"|{share:g}|" in text for share, _, _ in nuisances.ABSENT.values())
-    assert all(f"{PERCENT * share:g} %" in text for share in nuisances.OF_THE_MODEL.values())
-    assert f"{PERCENT * ModelAccuracy().discrepancy:g} %" in text
-    assert f"{closure.DRAWS} times" in text_of("how_a_diagnosis_works", "Numbers")
 
 
 def test_the_allowance_of_an_audit_follows_from_the_printed_deviations() -> None:
