@@ -100,7 +100,7 @@ def audit_command(
     """Check a published table and its text for contradictions, without any log. The exit code is 1
     if there is one.
 
-    With --physics, the result lists the efficiencies that the model of the rig can reach, and the
+    With --physics, the result lists the efficiencies that the model of the rig can attain, and the
     effects that could explain a difference.
     """
     from winchcascade.report.results.audit_record import audit_record

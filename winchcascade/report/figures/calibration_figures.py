@@ -1,5 +1,5 @@
-"""Figures of a calibration: damper and screw by the blocks of the fit, and the regression of the
-back-EMF (Fig. 12).
+"""Figures of a calibration: viscous loss and screw by the blocks of the fit, and the regression of
+the back-EMF (Fig. 12).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ KGF_PER_CM2 = 1.0 / 98066.5
 
 
 def damper_and_screw(blocks: FittedBlocks, *, word: str) -> Figure:
-    """Draw the torque of the damper over generator speed, and line tension over gas pressure,
+    """Draw the torque of the viscous loss over generator speed, and line tension over gas pressure,
     without gas over displacement.
     """
     figure, (left, right) = panel_figure(2.8, 1, 2)
@@ -39,7 +39,7 @@ def damper_and_screw(blocks: FittedBlocks, *, word: str) -> Figure:
     taken = blocks.measured[:, torque] - (blocks.fitted[:, torque] - blocks.damper)
     dots(left, blocks.rpm[out], taken[out], COLOURS["ink"])
     left.plot(blocks.rpm[out], blocks.damper[out], color=COLOURS["mech"], lw=0.9)
-    label_panel(left, "a", "Torque that the damper takes, at the PTO shaft", x=SPEED, unit="N·m")
+    label_panel(left, "a", "Torque of the viscous loss, at the PTO shaft", x=SPEED, unit="N·m")
     marks: LineStyle = {"ls": "none", "marker": ".", "ms": 3.0, "mew": 0.0}
     moving = np.isin(blocks.phase, (PAYOUT, HAUL_IN))
     over, label = blocks.fitted[:, pressure] * KGF_PER_CM2, "Gas pressure, gauge (kg/cm²)"

@@ -41,7 +41,7 @@ is 1, and scatters by less than 0.15 over the hundred blocks of a short log. [1]
 WHAT = {
     "k_e": "back-EMF constant",
     "mu_screw": "friction of the screw",
-    "b_rotor": "damper of the fast shaft",
+    "b_rotor": "viscous loss of the high-speed shaft",
 }
 """Numbers that a calibration can find."""
 
@@ -197,7 +197,7 @@ def _against(calibration: Calibration) -> list[Note]:
             f"{most}."
         )
     if not calibration.settled:
-        found.append("The fit did not converge, so damper and friction are no result.")
+        found.append("The fit did not converge, so viscous loss and friction are no result.")
     if calibration.run.findings:
         found.append(
             f"`winchcascade reduce` lists what is wrong with the log "
@@ -237,7 +237,7 @@ def _regression(calibration: Calibration) -> str:
 
 
 def fit_blocks(calibration: Calibration) -> list[Block | None]:
-    """Damper and screw by the blocks of the fit, and the regression of the back-EMF. Called
+    """Viscous loss and screw by the blocks of the fit, and the regression of the back-EMF. Called
     within the style of figures.
     """
     from winchcascade.report.figures.calibration_figures import back_emf_figure, damper_and_screw
@@ -252,7 +252,7 @@ def fit_blocks(calibration: Calibration) -> list[Block | None]:
         picture(
             damper_and_screw(calibration.blocks, word=word), "model-damper",
             "Block means of the log and of the fit. Torque in payout beyond that of a shaft "
-            "without the damper, over "
+            "without the viscous loss, over "
             f"generator speed. Line tension over {over}.",
             "Dots along a line through zero, and along the two branches of payout and haul-in.",
         ),
