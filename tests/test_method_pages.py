@@ -7,12 +7,14 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from calls import call
 from pages import DOCS, ROOT, read, shown
 from rigs import scale_of
 
 from winchcascade import baseline, read_run, simulate
 from winchcascade.blind.score import count
 from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.channels import CHANNELS
 from winchcascade.core.rig_file import PARTS, measures
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import FindingKind
@@ -42,6 +44,20 @@ def test_what_is_not_distinguished_are_effects_and_numbers_of_a_rig_file() -> No
     assert (
         set(re.findall(r"`(\w+)`", read(DOCS / "not_distinguished.md"))) <= numbers | EFFECTS.keys()
     )
+
+
+OF_RESULTS = {"u", "z", "low", "high", "hs_m", "tp_s"}
+"""Keys of a number of the rig file, of the map of a gap, of an interval and of a sea."""
+
+
+def test_the_symbols_of_the_glossary_are_names_in_files() -> None:
+    table = read(DOCS / "glossary.md").split("## Symbols")[1].split("\n## ")[0]
+    named = re.findall(r"^\| [^|]+ \| ([^|]+) \|", table, re.MULTILINE)
+    log = ROOT / "fixtures" / "campaign" / "r36ohm.csv"
+    printed = call("reduce", log, "--json", "-").out
+    numbers = {name for part in PARTS.values() for name in measures(part)} | CHANNELS.keys()
+    for name in re.findall(r"`(\w+)`", " ".join(named)):
+        assert name in numbers | OF_RESULTS or f'"{name}"' in printed, name
 
 
 def test_the_allowance_of_an_audit_follows_from_the_printed_deviations() -> None:
