@@ -35,7 +35,7 @@ def check_command(
     """Compare results with a published table, cell by cell. The exit code is 1 if a cell does not
     agree.
 
-    A cell agrees if the difference is within the sum of rounding, largest deviation of the cycles
+    A cell agrees if the difference is within the sum of rounding, maximum deviation of the cycles
     and two standard uncertainties of the sensors. With --same-logs, rounding alone is allowed.
     """
     from winchcascade.batch.results import check_results, input_files, load_results
