@@ -354,11 +354,16 @@ def source_of(written: Written) -> Source:
     )
 
 
-def drawing_of(written: Written, marks: Marks = ()) -> str | bytes:
+HEIGHTS = {"diagnosis.png": 540, "report.png": 1560}
+"""Heights of photographs that show less or more of a page than the first screen. [px]"""
+
+
+def drawing_of(name: str) -> str | bytes:
     """The picture that a command writes: a figure on white paper, or a photograph of a page."""
-    file = done(written.command) / written.file
+    file = done(WRITTEN[name].command) / WRITTEN[name].file
     if file.suffix == ".html":
-        return photograph(file, height=1560 if marks else 1200, marks=marks)
+        marks = MARKS if name == "report.png" else ()
+        return photograph(file, height=HEIGHTS.get(name, 1200), marks=marks)
     svg = file.read_text(encoding="utf-8")
     svg = svg[svg.index("<svg") :]
     begin = svg.index(">") + 1
@@ -445,7 +450,7 @@ def picture_of(name: str, data: Source) -> str | bytes:
     if name in FOLLOWED:
         return photograph(tutorial() / FOLLOWED[name].file, height=FOLLOWED[name].height)
     if name in WRITTEN:
-        return drawing_of(WRITTEN[name], MARKS if name == "report.png" else ())
+        return drawing_of(name)
     return DRAWN[name][1](data)
 
 
