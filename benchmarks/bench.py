@@ -259,7 +259,7 @@ def diagnose(sizes: Sizes, folder: Path) -> Rows:
 
     A diagnosis of 140 logs is to take at most 20 times that of seven, and 1.5 GB.
     """
-    from winchcascade.blind.cases import Case, write_campaign
+    from campaigns import Case, write_campaign
 
     trial = folder / "trial"
     for verb, words in (

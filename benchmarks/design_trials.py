@@ -17,15 +17,13 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+from owner_simulators import noise_free
 from scipy.interpolate import PchipInterpolator
 
 from winchcascade.batch.campaign_diagnosis import diagnose_listed
-from winchcascade.blind.cases import STATED_LOADS, campaign_toml, write_log
+from winchcascade.blind.cases import RIG, STATED_LOADS, campaign_toml, write_log
 from winchcascade.blind.drive import GRID
 from winchcascade.blind.injected import PARTS, draw_hidden
-from winchcascade.blind.machine import PAPER
-from winchcascade.blind.machine_file import machine_toml
-from winchcascade.blind.simulators import noise_free
 from winchcascade.blind.twin import Solved, Twin, draw_motion, draw_twin, read_log, solve_twin
 from winchcascade.blind.twin_numbers import CRANE_LOGGER, SENSORS
 from winchcascade.core.campaign_file import load_campaign
@@ -146,7 +144,7 @@ def diagnosed(
         write_log(folder / f"run{k}_{log}.csv", read_log(twin, one, rng, CRANE_LOGGER))
         loads[f"run{k}_{log}"] = stated[log]
     (folder / "campaign.toml").write_text(campaign_toml("case", loads))
-    (folder / "rig.toml").write_text(machine_toml(PAPER, "case"))
+    (folder / "rig.toml").write_text('name = "case"\n' + RIG.read_text(encoding="utf-8"))
     found = diagnose_listed(load_campaign(folder), EFFECTS)
     assert isinstance(found, ModelDiagnosis)
     return found, solved

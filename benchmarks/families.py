@@ -10,12 +10,12 @@ from typing import Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
+from campaigns import PRODUCT, Case, WrongEntry
+from drawn_machine import Machine, draw_machine
+from owner_simulators import SIMULATORS
+from run_history import COPPER, History
 
-from winchcascade.blind.cases import PRODUCT, Case, WrongEntry
-from winchcascade.blind.history import COPPER, History
 from winchcascade.blind.injected import INJECTED, PHYSICS
-from winchcascade.blind.machine import Machine, draw_machine
-from winchcascade.blind.simulators import SIMULATORS
 from winchcascade.blind.truth import Truth, Verdict, truth_by_effects
 from winchcascade.blind.twin_numbers import LOADS, Logger
 

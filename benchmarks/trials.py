@@ -19,24 +19,18 @@ import subprocess
 import time
 from collections.abc import Iterator, Sequence
 from functools import cache, partial
+from itertools import pairwise
 from pathlib import Path
 
 import msgspec
+from campaigns import PLAIN, Case, draw, truth_of, write_campaign
 from families import ALL_COVERED, BASED, FAMILIES, Bar, Figure, plan_case, threshold_case
+from owner_simulators import noise_free
 
 from winchcascade.batch.campaign_diagnosis import diagnose_campaign
-from winchcascade.blind.cases import (
-    PLAIN,
-    STATED_LOADS,
-    Case,
-    draw,
-    truth_of,
-    write_campaign,
-    write_log,
-)
+from winchcascade.blind.cases import STATED_LOADS, write_log
 from winchcascade.blind.injected import Hidden
 from winchcascade.blind.judge import CaseScore, Diagnosis, judge
-from winchcascade.blind.simulators import noise_free
 from winchcascade.blind.truth import TRUTH_FILE
 from winchcascade.blind.twin import Solved, Twin, draw_motion, read_log, solve_twin
 from winchcascade.core.files import json_bytes, scratch_folder
@@ -49,6 +43,45 @@ NEGLIGIBLE = 1e-5
 """A contribution to an efficiency below this counts as zero: the reduction of two noise-free
 logs differs by as much. [1]
 """
+
+
+class ModelForm(msgspec.Struct, frozen=True):
+    """Stage of a difference between the owner's own simulation and the model."""
+
+    stage: str | None = None
+
+
+class Part(msgspec.Struct, frozen=True):
+    """One part of the account of a metric."""
+
+    effect: str | None
+    low: float | None = None
+    high: float | None = None
+
+
+class Account(msgspec.Struct, frozen=True):
+    """The account of one metric of one run."""
+
+    metric: str
+    load_ohm: float | str | None = None
+    parts: tuple[Part, ...] = ()
+
+
+class Threshold(msgspec.Struct, frozen=True):
+    """The value of its parameter from which an effect alone would be named, None where no
+    plausible one would be.
+    """
+
+    effect: str
+    named_from: float | None = None
+
+
+class Found(Diagnosis, frozen=True):
+    """The part of the JSON of a diagnosis that the families compare."""
+
+    model_form: tuple[ModelForm, ...] | None = None
+    contributions: tuple[Account, ...] = ()
+    thresholds: tuple[Threshold, ...] = ()
 
 
 class Result(msgspec.Struct, frozen=True):
@@ -64,12 +97,12 @@ class Result(msgspec.Struct, frozen=True):
     """
 
     plan: Case
-    found: Diagnosis | None
+    found: Found | None
     making: float
     diagnosing: float
     commit: str
     processor: float | None = None
-    plain: Diagnosis | None = None
+    plain: Found | None = None
     shares: dict[str, float] = {}
     fault: str | None = None
 
@@ -128,10 +161,10 @@ def do_case(case: Case, results: Path, keep: Path | None = None, made: Path | No
             make_case(case, keep or scratch)
         folder = made_before(case, made or keep or scratch)
         begin, used = time.perf_counter(), sum(os.times()[:4])
-        found, fault = list[Diagnosis](), None
+        found, fault = list[Found](), None
         try:
             for name in ("campaign.toml", PLAIN) if case.calibrated else ("campaign.toml",):
-                found.append(msgspec.convert(diagnose_campaign(folder / name), Diagnosis))
+                found.append(msgspec.convert(diagnose_campaign(folder / name), Found))
         except Exception as error:  # a diagnosis that fails is a result, too
             fault = f"{type(error).__name__}: {error}"
         end, used = time.perf_counter(), sum(os.times()[:4]) - used
@@ -191,7 +224,7 @@ def base_thresholds(base: int, out: Path) -> None:
     """Write the thresholds that the diagnosis of a campaign without an effect states, by effect."""
     with scratch_folder() as folder:
         write_campaign(Case("thresholds", base, FAMILIES["thresholds"].seed + 1), folder)
-        found = msgspec.convert(diagnose_campaign(folder / "campaign.toml"), Diagnosis)
+        found = msgspec.convert(diagnose_campaign(folder / "campaign.toml"), Found)
     stated = {one.effect: one.named_from for one in found.thresholds if one.named_from is not None}
     (out / f"thresholds_base_{base}.json").write_bytes(json_bytes(stated))
 
@@ -275,6 +308,30 @@ def shares_hold(result: Result) -> Iterator[bool]:
             if p.low is not None and p.high is not None
         ]
         yield any(low - NEGLIGIBLE <= truth <= high + NEGLIGIBLE for low, high in ends)
+
+
+BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 1.0)
+"""Ends of the ranges of probability in which causes are compared with the truth."""
+
+
+def calibration(results: Sequence[Result]) -> list[str]:
+    """Lines on how often the causes of each range of probability are true, beside the mean that
+    the diagnoses state.
+    """
+    rows = []
+    for r in results:
+        truth = truth_of(r.plan)
+        true = {*truth.may_be_certain, *(name for group in truth.named for name in group)}
+        causes = () if r.found is None else r.found.causes
+        rows += [(cause.probability, cause.effect in true) for cause in causes]
+    lines = []
+    for low, high in pairwise(BINS):
+        own = [row for row in rows if low <= row[0] and (row[0] < high or high == 1.0)]
+        if own:
+            stated = 100.0 * statistics.mean(p for p, _ in own)
+            what = f"causes with {low:g} to {high:g}, stated {stated:.1f} %"
+            lines.append(line(what, [hit for _, hit in own]))
+    return lines
 
 
 def line(what: str, flags: Sequence[bool], bar: Bar | None = None) -> str:
@@ -389,14 +446,17 @@ def main() -> None:
     for name in [] if options.score else options.family or FAMILIES:
         run_family(name, options)
     covered: list[bool] = []
+    every: list[Result] = []
     for name in [] if options.make else FAMILIES:
         results = list(read_results(options.out / f"{name}.jsonl").values())
         lines, held = report(name, results) if results else ([], [])
         covered += held
+        every += results
         if lines and name in (options.family or FAMILIES):
             print("\n" + "\n".join(lines))
     if covered:
         print(f"\nall families\n{line(Figure.COVERED, covered, ALL_COVERED)}")
+        print("\n".join(calibration(every)))
 
 
 if __name__ == "__main__":

@@ -130,12 +130,14 @@ def terminal_source() -> Source:
     return [f"$ winchcascade audit {TABLE}", *printed.rstrip("\n").split("\n")]
 
 
-COLOURS = {
-    "\x1b[32m": "#4ec96b",
-    "\x1b[33m": "#e0b341",
-    "\x1b[31m": "#f2665c",
-    "\x1b[0m": "#d7dce2",
-}
+PLAIN = "#d7dce2"
+
+COLOURS = {"32": "#4ec96b", "33": "#e0b341", "31": "#f2665c"}
+"""Colours of a terminal by their codes."""
+
+CODE = re.compile(r"\x1b\[([\d;]*)m")
+"""What sets colour and weight of the text behind it, or takes both back."""
+
 CELL, ROW = 7.83, 17
 """Width of a character and height of a line. [px]"""
 
@@ -153,28 +155,26 @@ def terminal(lines: Source) -> str:
     for k, line in enumerate(lines):
         parts = _spans(line)
         if parts:
-            place = f'x="{CELL:g}" y="{44 + ROW * k}" textLength="{len(_bare(line)) * CELL:.5g}" lengthAdjust="spacing"'
-            drawn.append(
-                f'<text {place} fill="{COLOURS[_PLAIN]}" xml:space="preserve">{parts}</text>'
-            )
+            place = f'x="{CELL:g}" y="{44 + ROW * k}" textLength="{len(CODE.sub("", line)) * CELL:.5g}" lengthAdjust="spacing"'
+            drawn.append(f'<text {place} fill="{PLAIN}" xml:space="preserve">{parts}</text>')
     return "\n".join([*drawn, "</svg>"]) + "\n"
 
 
-_PLAIN = "\x1b[0m"
-
-
-def _bare(line: str) -> str:
-    for code in COLOURS:
-        line = line.replace(code, "")
-    return line
-
-
 def _spans(line: str) -> str:
-    """A line as escaped text, coloured parts in elements of their own."""
-    text = escape(line, quote=False)
-    for code, colour in COLOURS.items():
-        text = text.replace(code, "</tspan>" if code == _PLAIN else f'<tspan fill="{colour}">')
-    return text
+    """A line as escaped text, coloured and bold parts in elements of their own."""
+    parts, style = [], ""
+    for k, part in enumerate(CODE.split(line)):
+        if k % 2:
+            style = _style(part.split(";"))
+        elif part:
+            text = escape(part, quote=False)
+            parts.append(f"<tspan{style}>{text}</tspan>" if style else text)
+    return "".join(parts)
+
+
+def _style(codes: list[str]) -> str:
+    colours = [f' fill="{COLOURS[code]}"' for code in codes if code in COLOURS]
+    return "".join([*colours, ' font-weight="bold"' if "1" in codes else ""])
 
 
 # -------------------------------------------------------------------------- what a command writes

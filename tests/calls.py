@@ -7,6 +7,7 @@ its work either.
 
 import io
 import os
+import re
 import signal
 import sys
 from collections.abc import Iterator, Sequence
@@ -16,7 +17,7 @@ from typing import NamedTuple
 from unittest import mock
 
 from winchcascade.cli.entry import main
-from winchcascade.core.jobs import ENDING
+from winchcascade.core.process_end import ENDING
 
 PATIENCE = 60
 """A command on a small file that has not ended after this never will. [s]"""
@@ -65,7 +66,15 @@ def call(
         sys.argv, sys.stdout, sys.stderr = kept
         for number, handler in handlers.items():  # a command ends its whole process by them
             signal.signal(number, handler)
-    return Called(code, *map(_content, streams))
+    out, err = map(_content, streams)
+    return Called(code, out, without_progress(err))
+
+
+def without_progress(text: str) -> str:
+    """A text without the lines that a command prints each ten seconds, of which a slow machine
+    has more.
+    """
+    return re.sub(r"(?m)^\[\d+ s\] .*\n", "", text)
 
 
 def _content(stream: io.TextIOWrapper) -> str:

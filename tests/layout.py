@@ -1,10 +1,15 @@
-"""Where the texts of a figure stand: none may lie over another or leave the figure."""
+"""Where texts and marks of a figure stand: no text may lie over another or leave the figure, no
+mark its axes.
+"""
 
 from collections.abc import Iterator
 from itertools import combinations
 from typing import Any
 
+import numpy as np
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
@@ -60,3 +65,41 @@ def _within(box: Bbox, whole: Bbox) -> bool:
 def _overlap(one: Bbox, two: Bbox) -> bool:
     across = min(one.x1, two.x1) - max(one.x0, two.x0)
     return bool(across > EDGE and min(one.y1, two.y1) - max(one.y0, two.y0) > EDGE)
+
+
+# ------------------------------------------------------------------------------------------ marks
+BEYOND = 1e-6
+"""What a mark may lie beyond an axis, over its length. [1]"""
+
+
+def outlying(figure: Figure) -> list[str]:
+    """Lines, marks and bars of data of which a part lies outside its axes."""
+    return [
+        f"{ax.get_title(loc='left') or ax.get_ylabel()}: {kind}"
+        for ax in figure.axes
+        if ax.get_visible() and ax.axison
+        for kind, points in _marks(ax)
+        if not _inside(ax, points)
+    ]
+
+
+def _marks(ax: Any) -> Iterator[tuple[str, Any]]:
+    """Kinds of what is drawn by data in both directions, with their points, (n, 2)."""
+    for line in ax.lines:
+        if line.get_transform() == ax.transData:
+            yield "line", line.get_xydata()
+    for several in ax.collections:
+        if isinstance(several, LineCollection) and several.get_transform() == ax.transData:
+            for segment in several.get_segments():
+                yield "segment", segment
+    for patch in ax.patches:
+        if isinstance(patch, Rectangle) and patch.get_data_transform() == ax.transData:
+            yield "bar", patch.get_bbox().get_points()
+
+
+def _inside(ax: Any, points: Any) -> bool:
+    known = np.asarray(points, dtype=float)
+    known = known[np.isfinite(known).all(axis=1)]
+    limits = np.sort(np.array([ax.get_xlim(), ax.get_ylim()]), axis=1)
+    room = BEYOND * np.diff(limits, axis=1)[:, 0]
+    return bool(((known >= limits[:, 0] - room) & (known <= limits[:, 1] + room)).all())

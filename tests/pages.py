@@ -22,6 +22,8 @@ from contextlib import chdir
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from calls import without_progress
+
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
 BENCHES = ROOT.parent / "shared" / "data" / "benches"
@@ -100,7 +102,7 @@ def text_of(step: Step, place: Path, names: dict[str, Any]) -> str:
     elif step.verb:
         save(place / step.file, step.text, more=step.verb == "Append to")
     elif step.kind == "console":
-        printed = run(step.command, place).stdout
+        printed = without_progress(run(step.command, place).stdout)
         assert "command not found" not in printed, printed
         return f"$ {step.command}\n{printed}"
     elif step.kind == "sh":

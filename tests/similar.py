@@ -12,8 +12,9 @@ import msgspec
 from msgspec.structs import replace
 
 from winchcascade.core.channels import CHANNELS
+from winchcascade.core.machine_parts import measures
 from winchcascade.core.quantity import Quantity
-from winchcascade.core.rig_file import PARTS, Rig, Thresholds, measures
+from winchcascade.core.rig_file import PARTS, Rig, Thresholds
 from winchcascade.core.run import Signal
 
 

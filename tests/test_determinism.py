@@ -66,11 +66,6 @@ COMMANDS: dict[str, list[tuple[str, ...]]] = {
             *REPORTS,
         )
     ],
-    "blind": [
-        ("blind", "deal", "--cases", "2", "--seed", "1", "--out", "trial", *JOBS),
-        ("blind", "diagnose", "trial", *JOBS),
-        ("blind", "score", "trial", "--json", "score.json"),
-    ],
 }
 """Commands by what they show, given one after the other in an empty folder."""
 
@@ -83,7 +78,6 @@ LONG = {
     "reports",
     "batch with reports",
     "diagnose",
-    "blind",
 }
 """What takes more than ten seconds, or is part of another command or of the reference outputs."""
 

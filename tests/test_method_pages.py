@@ -15,7 +15,8 @@ from winchcascade import baseline, read_run, simulate
 from winchcascade.blind.score import count
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.channels import CHANNELS
-from winchcascade.core.rig_file import PARTS, measures
+from winchcascade.core.machine_parts import measures
+from winchcascade.core.rig_file import PARTS
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import FindingKind
 from winchcascade.rig.effects.catalogue import EFFECTS

@@ -8,7 +8,8 @@ import pytest
 from loops import rejections
 
 from winchcascade.core.errors import RigError
-from winchcascade.core.rig_file import Thresholds, measures
+from winchcascade.core.machine_parts import measures
+from winchcascade.core.rig_file import Thresholds
 from winchcascade.core.rig_toml import BUILT_IN, built_in, built_in_text, parse_rig
 from winchcascade.rig.baseline import load_rig
 

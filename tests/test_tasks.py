@@ -15,7 +15,8 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from winchcascade.core.errors import LogError
-from winchcascade.core.jobs import Outcome, linear_algebra_on_one_thread, run_here
+from winchcascade.core.jobs import Workers, linear_algebra_on_one_thread
+from winchcascade.core.outcome import Outcome
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="ends processes as POSIX does")
 
@@ -61,7 +62,7 @@ def by_place(outcomes: Iterator[Outcome[int]], jobs: int) -> list[Outcome[int]]:
 
 @pytest.mark.parametrize(("jobs", "workers"), [(0, 1), (0, 2), (1, 2), (2, 1), (7, 3), (100, 2)])
 def test_every_job_has_exactly_one_outcome(jobs: int, workers: int) -> None:
-    found = by_place(run_here(work, [Task("good", k) for k in range(jobs)], workers=workers), jobs)
+    found = by_place(Workers(workers).outcomes(work, [Task("good", k) for k in range(jobs)]), jobs)
     assert [outcome.value for outcome in found] == [2 * k for k in range(jobs)]
     assert all(outcome.fault is None for outcome in found)
 
@@ -74,7 +75,7 @@ def test_a_job_that_fails_is_a_sentence_and_the_others_complete(
         Task(does, k, tmp_path)
         for k, does in enumerate(["good", "fault", "error", "missing", "good"])
     ]
-    found = by_place(run_here(work, tasks, workers=workers), 5)
+    found = by_place(Workers(workers).outcomes(work, tasks), 5)
     assert [outcome.value for outcome in found] == [0, None, None, None, 8]
     assert [outcome.rejected for outcome in found] == [False, True, False, False, False]
     for outcome, word in zip(found[1:4], ("log.csv", "ValueError", "missing.csv"), strict=True):
@@ -84,7 +85,7 @@ def test_a_job_that_fails_is_a_sentence_and_the_others_complete(
 @POSIX
 def test_a_job_that_ends_its_process_is_a_sentence_and_the_others_complete() -> None:
     found = by_place(
-        run_here(work, [Task("kill" if k in (2, 9) else "good", k) for k in range(12)], workers=2),
+        Workers(2).outcomes(work, [Task("kill" if k in (2, 9) else "good", k) for k in range(12)]),
         12,
     )
     assert [outcome.value for outcome in found] == [
@@ -95,7 +96,7 @@ def test_a_job_that_ends_its_process_is_a_sentence_and_the_others_complete() -> 
 
 def test_a_job_whose_process_died_once_is_tried_again(tmp_path: Path) -> None:
     tasks = [Task("once" if k == 3 else "good", k, tmp_path) for k in range(6)]
-    found = by_place(run_here(work, tasks, workers=2), 6)
+    found = by_place(Workers(2).outcomes(work, tasks), 6)
     assert [outcome.value for outcome in found] == [2 * k for k in range(6)]
 
 
@@ -103,8 +104,8 @@ def test_a_script_without_a_guard_is_told_what_to_do(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(
         "import os\nfrom winchcascade.core.errors import OptionError\nfrom winchcascade.core.jobs "
-        "import run_here\n"
-        "try:\n    print(len(list(run_here(os.path.basename, ['a'] * 4, workers=2))), "
+        "import Workers\n"
+        "try:\n    print(len(list(Workers(2).outcomes(os.path.basename, ['a'] * 4))), "
         "'outcomes')\n"
         "except OptionError as fault:\n    print(fault)\n"
     )
@@ -123,7 +124,7 @@ def test_a_script_without_a_guard_is_told_what_to_do(tmp_path: Path) -> None:
 @POSIX
 def test_no_job_is_lost_if_a_process_dies_while_an_outcome_is_being_used(tmp_path: Path) -> None:
     tasks = [Task("wait" if k == 1 else "good", k, tmp_path) for k in range(8)]
-    outcomes = run_here(work, tasks, workers=2)
+    outcomes = Workers(2).outcomes(work, tasks)
     first = next(outcomes)
     while not (tmp_path / "pid").exists():
         pass
@@ -158,8 +159,8 @@ BEGIN = """
 import os, signal, sys, weakref
 from pathlib import Path
 from winchcascade.core.files import scratch_file, scratch_folder
-from winchcascade.core.jobs import end_on_signals
-end_on_signals({signal.SIGINT: "one sentence."})
+from winchcascade.core.process_end import end_on_signals
+end_on_signals({signal.SIGINT: "one sentence"})
 here = Path(sys.argv[1])
 def wait():
     print("ready", flush=True)
@@ -185,7 +186,8 @@ def ended(place: Path, script: str, by: signal.Signals) -> tuple[int, str, str]:
 
 @POSIX
 @pytest.mark.parametrize(
-    ("by", "expected"), [(signal.SIGINT, "one sentence.\n"), (signal.SIGTERM, "")]
+    ("by", "expected"),
+    [(signal.SIGINT, "one sentence; no file was left half-written.\n"), (signal.SIGTERM, "")],
 )
 def test_a_process_ends_at_once_without_its_scratch(
     tmp_path: Path, by: signal.Signals, expected: str
@@ -202,7 +204,11 @@ def test_a_process_ends_even_within_the_callback_of_a_weak_reference(tmp_path: P
         "os.kill(os.getpid(), signal.SIGINT))\n"
         "print('ready', flush=True)\ndel thing\nprint('still here', flush=True)"
     )
-    assert ended(tmp_path, script, signal.SIGCONT) == (130, "", "one sentence.\n")
+    assert ended(tmp_path, script, signal.SIGCONT) == (
+        130,
+        "",
+        "one sentence; no file was left half-written.\n",
+    )
 
 
 @POSIX

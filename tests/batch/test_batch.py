@@ -770,10 +770,9 @@ def test_an_interrupt_is_one_sentence_and_loses_nothing(
     assert out == ""
     assert list((place / "out").rglob(".*")) == []
     assert_completed(place, undisturbed, whole(place / "out"))
-    assert (
-        err
-        == "winchcascade: interrupted; what was finished is kept, no file was left half-written.\n"
-    )
+    assert err.startswith("winchcascade: interrupted; ")
+    assert err.count("\n") == 1
+    assert int(err.split()[2]) <= len(list((place / "out").glob("runs/*.json")))
 
 
 @ALONE
@@ -783,10 +782,8 @@ def test_an_interrupt_before_the_first_result_is_one_sentence(place: Path) -> No
         os.killpg(call.pid, signal.SIGINT)
         _, err = call.communicate()
     assert call.returncode == 130
-    assert (
-        err
-        == "winchcascade: interrupted; what was finished is kept, no file was left half-written.\n"
-    )
+    assert err.startswith("winchcascade: interrupted; ")
+    assert err.endswith("no file was left half-written.\n")
 
 
 def test_two_calls_at_once_on_one_folder_leave_what_one_leaves(

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from winchcascade.blind.cases import Case, campaign_toml
+from winchcascade.blind.cases import DealtCase, campaign_toml
 from winchcascade.blind.injected import PARTS
 from winchcascade.blind.trial import DIAGNOSES, SEALED, TRIAL, Answer, SealedAnswers, seal
 from winchcascade.core.files import json_bytes
@@ -65,7 +65,7 @@ def say(
 
 
 @contextmanager
-def cases_by(maker: Callable[[Case, Path], None]) -> Iterator[None]:
+def cases_by(maker: Callable[[DealtCase, Path], None]) -> Iterator[None]:
     """Within this context the campaign of a case is written by another function, which takes
     less time than the twin.
     """
@@ -74,7 +74,7 @@ def cases_by(maker: Callable[[Case, Path], None]) -> Iterator[None]:
         yield
 
 
-def shipped(case: Case, folder: Path) -> None:
+def shipped(case: DealtCase, folder: Path) -> None:
     """Write the logs of the shipped campaign, the same for each case."""
     for file in (*FIXTURES.glob("*.csv"), FIXTURES / "rig.toml"):
         shutil.copyfile(file, folder / file.name)

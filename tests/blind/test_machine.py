@@ -10,11 +10,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-
-from winchcascade import read_run, reduce
-from winchcascade.blind.cases import (
+from campaigns import (
     PRODUCT,
-    STATED_LOADS,
     Case,
     WrongEntry,
     draw,
@@ -22,11 +19,8 @@ from winchcascade.blind.cases import (
     steps_of,
     truth_of,
     write_campaign,
-    write_log,
 )
-from winchcascade.blind.drive import COLUMNS, GRID, Drive, run_drive
-from winchcascade.blind.injected import INJECTED, Hidden
-from winchcascade.blind.machine import (
+from drawn_machine import (
     DRUM,
     GEAR,
     PAPER,
@@ -37,12 +31,17 @@ from winchcascade.blind.machine import (
     Machine,
     draw_machine,
 )
-from winchcascade.blind.machine_file import LOG_FACTORS, in_si_units, machine_toml
-from winchcascade.blind.simulators import noise_free
+from machine_file import LOG_FACTORS, in_si_units, machine_toml
+from machine_units import Units
+from owner_simulators import noise_free
+
+from winchcascade import read_run, reduce
+from winchcascade.blind.cases import STATED_LOADS, write_log
+from winchcascade.blind.drive import COLUMNS, GRID, Drive, run_drive
+from winchcascade.blind.injected import INJECTED, Hidden
 from winchcascade.blind.truth import Truth
 from winchcascade.blind.twin import Solved, Twin, draw_motion, line_motion, solve_twin
 from winchcascade.blind.twin_numbers import LOADS, SENSORS, Fixed, Numbers, Restoring
-from winchcascade.blind.units import Units
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.quantity import Quantity
 from winchcascade.core.rig_file import PARTS, Rig

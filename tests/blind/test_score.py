@@ -12,10 +12,10 @@ from diagnosed import PLANTED, write_campaign
 from small_trials import answer, cases_by, cause, say, sealed_trial, shipped
 from test_cli import one_sentence, winchcascade
 
-from winchcascade.blind.cases import plan_cases, truth_of
+from winchcascade.blind.cases import plan_cases
 from winchcascade.blind.judge import CaseScore, Diagnosis, judge
 from winchcascade.blind.score import Score, score
-from winchcascade.blind.trial import SEALED, deal
+from winchcascade.blind.trial import SEALED, answer_of, deal
 from winchcascade.blind.truth import Truth, read_truth
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import json_bytes
@@ -243,8 +243,9 @@ def test_a_truth_follows_from_its_effects_its_verdicts_or_its_names(
 
 def test_the_truth_of_a_case_is_read_as_it_was_written(tmp_path: Path) -> None:
     for case in plan_cases(30, 1):
-        (tmp_path / "truth.json").write_bytes(json_bytes(truth_of(case)))
-        assert read_truth(tmp_path / "truth.json") == truth_of(case)
+        truth = answer_of(case).truth
+        (tmp_path / "truth.json").write_bytes(json_bytes(truth))
+        assert read_truth(tmp_path / "truth.json") == truth
 
 
 def test_a_truth_that_cannot_be_read_is_named_with_what_was_expected(tmp_path: Path) -> None:

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from rigs import LOADS as NOMINAL
 from rigs import assert_followed, own_model
+from run_history import History, stator_heat, temperatures, twin_by_run
 
 from winchcascade import read_run
-from winchcascade.blind.cases import Case, draw, write_campaign
+from winchcascade.blind.cases import DealtCase, draw, write_campaign
 from winchcascade.blind.drive import FINE, LEDGER, weakened
-from winchcascade.blind.history import History, stator_heat, temperatures, twin_by_run
 from winchcascade.blind.injected import INJECTED, OUTSIDERS, PHYSICS, Hidden, draw_hidden
 from winchcascade.blind.twin import (
     Solved,
@@ -46,9 +46,9 @@ STRANGERS = ("rig", "reduction", "diagnosis", "tables", "report", "batch")
 
 CODE = """
 import sys
-from winchcascade.blind.cases import Case
+from winchcascade.blind.cases import DealtCase
 from winchcascade.blind.trial import answer_of, deal, diagnose
-answer_of(Case("blind", 1, 1))
+answer_of(DealtCase(1, 1))
 print(" ".join(sys.modules))
 """
 
@@ -277,7 +277,7 @@ def test_a_machine_in_a_run_differs_in_what_its_history_states_and_keeps_the_res
 
 @pytest.mark.slow
 def test_a_campaign_of_the_twin_is_followed_by_the_rig(tmp_path: Path) -> None:
-    case = Case("blind", 4, 1)
+    case = DealtCase(4, 1)
     write_campaign(case, tmp_path)
     _, twin, _ = draw(case)
     keys = {

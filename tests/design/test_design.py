@@ -20,7 +20,7 @@ from scipy.special import ndtr
 from winchcascade.batch.campaign_design import motions_of
 from winchcascade.core.errors import OptionError
 from winchcascade.core.run import Run
-from winchcascade.design.design import METRIC, Design, Limits, design, mixed
+from winchcascade.design.design import METRIC, Design, Explanation, Limits, design, mixed
 from winchcascade.design.operating import PLACE, path_of, planned_cycle, points
 from winchcascade.diagnosis.diagnosis_result import Judgement
 from winchcascade.diagnosis.handover.posterior import NEAR, RigPosterior
@@ -220,6 +220,17 @@ def test_bands_and_worths_hold_a_look_alike_that_costs_nothing(
         other = along(without, tested, row.speed, [row.load])[PLACE["p_gen_w"], 0]
         assert band.value == own.value
         assert (band.low < other < band.high) or weight < 0.025
+
+
+def test_bands_are_as_wide_as_the_law_of_each_effect_is_known(small: RigPosterior) -> None:
+    effect = make_effect("stribeck", {"torque": 5.0})
+    law = effect.effect.law_u
+    exact = np.zeros((len(small.moves) + len(effect.values),) * 2)
+    certain = msgspec.structs.replace(small, effects=(effect,), covariance=exact, others=())
+    explanation = Explanation(certain)
+    found = np.array([5.0, *np.full(len(explanation.moved) - 1, 5.0), 3.0])
+    assert explanation.laws == {"stribeck": law}
+    assert explanation.u(found) == pytest.approx(2.0 * law)
 
 
 @given(

@@ -23,8 +23,8 @@ from winchcascade.core.quantity import Quantity
 from winchcascade.design.run_plan import Basis, RunPlan, after, before, determine, separate
 from winchcascade.diagnosis.diagnose import diagnose
 from winchcascade.diagnosis.diagnosis_result import Alternative
-from winchcascade.diagnosis.explain.planned_run import planned, usual
-from winchcascade.diagnosis.explain.planning import listed, options_after, plan_run, prospect_of
+from winchcascade.diagnosis.explain.planned_run import planned, prospect_of, usual
+from winchcascade.diagnosis.explain.planning import listed, options_after, plan_run
 from winchcascade.diagnosis.fit.nuisances import with_quantity
 from winchcascade.diagnosis.fit.rig_problem import RigProblem
 from winchcascade.report.results.plan_report import plan_record

@@ -149,6 +149,11 @@ def test_every_kind_of_sign_has_one_row_and_one_fault_here() -> None:
     assert EVERY.keys() == RINGS.keys() == set(get_args(AlarmKind))
 
 
+def test_signs_together_ring_in_no_more_than_a_twentieth_of_right_models() -> None:
+    assert sum(sign.rate for sign in EVERY.values()) == pytest.approx(0.05)
+    assert all(sign.detects >= 0.0 for sign in EVERY.values())
+
+
 @pytest.mark.parametrize("kind", RINGS)
 def test_a_sign_rings_at_its_fault_and_not_where_nothing_is_wrong(kind: AlarmKind) -> None:
     assert {alarm.kind for alarm in ringing(RINGS[kind](), [EVERY[kind]])} == {kind}

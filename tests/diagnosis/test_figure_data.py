@@ -15,15 +15,12 @@ from rigs import calibrated_rig
 from winchcascade.diagnosis.diagnose import diagnose
 from winchcascade.diagnosis.explain.figure_data import (
     LEAD,
-    SPEED_BIN,
     block_table,
     by_load,
     largest_gap,
     load_costs,
-    means_over_speed,
     profile_of,
 )
-from winchcascade.diagnosis.fit.block_means import PAYOUT
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.rig.effects.catalogue import EFFECTS
 
@@ -51,22 +48,6 @@ def test_errors_are_those_of_the_closure() -> None:
         shrunk = found.closure.channels[str(channel)]
         for side, size in (("before", shrunk.before), ("after", shrunk.after)):
             assert math.sqrt(float(((own.logged - own[side]) ** 2).mean())) == pytest.approx(size)
-
-
-def test_means_over_speed_are_those_of_the_blocks_before_braking() -> None:
-    table, found = table_of("copper"), means_over_speed(table_of("copper"), 0, ["idc"])
-    own = table[(table.log == 0) & (table.channel == "idc") & (table.phase == PAYOUT)]
-    kept = []
-    for _, payout in own.groupby("cycle"):
-        last = payout[payout.rpm >= 0.9 * payout.rpm.max()].index[-1]
-        kept += [row for row in payout.loc[:last].itertuples() if row.rpm > 0.0]
-    bins: dict[int, list[float]] = {}
-    for row in kept:
-        bins.setdefault(math.floor(row.rpm / (SPEED_BIN * table.rpm.max())), []).append(row.logged)
-    assert found.logged.tolist() == pytest.approx([float(np.mean(bins[k])) for k in sorted(bins)])
-    assert len(kept) < len(own)
-    power = means_over_speed(table, 0, ["vdc", "idc"])
-    assert power.logged.iloc[-1] == pytest.approx(found.logged.iloc[-1] ** 2 * 18.0, rel=0.02)
 
 
 def test_logs_stand_in_the_order_of_their_loads() -> None:

@@ -13,8 +13,8 @@ from rigs import calibrated_rig
 from winchcascade import simulate
 from winchcascade.core.rig_file import ModelAccuracy
 from winchcascade.diagnosis.fit.block_means import PHASES
-from winchcascade.diagnosis.fit.fitted_log import OF_A_BLOCK, TOP
-from winchcascade.diagnosis.fit.misfit import RHO, Fitted
+from winchcascade.diagnosis.fit.fitted_log import OF_A_BLOCK, RHO, TOP
+from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
@@ -192,3 +192,36 @@ def test_a_number_and_an_effect_together_make_no_rig_that_cannot_be(data: Fitted
             0.0 if limit < 0.0 else 1.0
         ) == 1
         assert simulate(motion_run(load=18.0, cycles=1), found).run.t.size > 0
+
+
+def test_derivatives_serve_near_to_where_they_were_taken(data: Fitted) -> None:
+    nothing, place = np.zeros(len(data.nuisances)), np.zeros(len(data.nuisances))
+    of_the_rig = [j for j, n in enumerate(data.nuisances) if n.kind == "rig"]
+    place[of_the_rig] = 0.1
+    taken, serving = (data.tolerances(nu, [])[:, :, of_the_rig] for nu in (nothing, place))
+    assert serving == pytest.approx(taken, rel=1e-9, abs=1e-12)
+    own = data.tolerances(place, [], serves=-1.0)[:, :, of_the_rig]
+    missed = data.whiten(own - taken)
+    assert 0.0 < np.linalg.norm(missed) < LINEAR * np.linalg.norm(data.whiten(taken))
+
+
+def test_derivatives_that_miss_the_way_to_a_place_do_not_serve_there(data: Fitted) -> None:
+    nothing = np.zeros(len(data.nuisances))
+    data.tolerances(nothing, [])
+    weak = [make_effect("ke_shift", {"k_e_change": -0.4})]
+    lent, served, own = (data.tolerances(nothing, weak, way) for way in (math.inf, 0.0, -1.0))
+    assert np.any(lent != own)
+    assert served == pytest.approx(own, rel=1e-9, abs=1e-12)
+
+
+def test_what_newly_acts_has_derivatives_of_its_own(data: Fitted) -> None:
+    """What the cooling of a gas moves depends on whether it heats."""
+    nothing = np.zeros(len(data.nuisances))
+    absent, here, there = (
+        [make_effect("gas_polytropic", {"n": n, "cooling": cooling})]
+        for n, cooling in ((1.0, 3.0), (1.01, 2.0), (1.01, 3.0))
+    )
+    data.predictions_near((nothing, []), [(nothing, absent)])
+    near = data.predictions_near((nothing, here), [(nothing, there)])[:, :, 0]
+    assert near == pytest.approx(data.predict(nothing, there), rel=1e-9)
+    assert np.any(near != data.predict(nothing, here))

@@ -21,7 +21,7 @@ from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.judge.alarms import moved_by
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.judge.conclusion import is_within_law, shares_of_plateau
-from winchcascade.diagnosis.verdict_limits import LAW, MARGIN, MOSTLY, OPEN, ROUGH
+from winchcascade.diagnosis.verdict_limits import LAW, MARGIN, MOSTLY, OPEN, STRUCTURED
 from winchcascade.rig.effects.catalogue import CLASSES, EFFECTS, LAWS
 
 DRIFT = Stability((), (Trend("order", 1.0, 0.1, 1e-6),))
@@ -32,7 +32,7 @@ def cause(name: str, stability: Stability | None = None) -> NamedCause:
 
 
 def sign(times: float) -> Alarm:
-    return Alarm("structure", Spot("vdc", "payout"), times * ROUGH, ROUGH)
+    return Alarm("structure", Spot("vdc", "payout"), times * STRUCTURED, STRUCTURED)
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from diagnosed import LOGS, PLANTED, diagnosed
 
+from winchcascade.core.integrate import white_noise
 from winchcascade.diagnosis.diagnosis_result import (
     Alarm,
     Contribution,
@@ -19,6 +20,7 @@ from winchcascade.diagnosis.diagnosis_result import (
     Spot,
     StageEnergy,
 )
+from winchcascade.diagnosis.fit.block_means import PHASES
 from winchcascade.diagnosis.judge.alarms import STAGES_OF, largest_of, left_over, unbalanced
 from winchcascade.diagnosis.verdict_limits import FALSE_ALARM
 
@@ -42,6 +44,16 @@ def test_what_a_right_fit_leaves_of_energies_is_within_its_uncertainty(name: str
     z = np.array([(one.measured - one.after) / one.u for one in energies])
     assert np.sqrt(np.mean(z**2)) < CALIBRATED
     assert beyond(unbalanced(energies)) == []
+
+
+def test_a_power_of_noise_alone_is_no_better_known_than_the_product_of_its_noises() -> None:
+    found = diagnosed("nothing")
+    for one in (one for one in found.energies if (one.stage, one.phase) == ("gen", "haul_in")):
+        log = found.data.logs[one.run]
+        blocks = log.course.blocks
+        samples = np.sum(blocks.count[blocks.phase == PHASES.index("haul_in")])
+        noises = [white_noise(log.run.channels[name]) for name in ("vdc", "idc")]
+        assert one.u >= np.prod(noises) * np.sqrt(samples) / log.run.fs
 
 
 def test_a_payout_is_known_to_some_thousandths() -> None:

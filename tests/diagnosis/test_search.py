@@ -169,6 +169,22 @@ the loss not quadratic.
 """
 
 
+class Weighed(RigProblem, frozen=True, kw_only=True):
+    """Logs of a rig with weights of their residuals, (M * 5,)."""
+
+    rows: Signal
+
+    def residuals(
+        self,
+        several: Sequence[Sequence[ActiveEffect]],
+        nu: Signal,
+        near: Sequence[ActiveEffect] | None = None,
+    ) -> Signal:
+        """Residuals times their weights, (M * 5, k)."""
+        z = RigProblem(self.data, self.suspects).residuals(several, nu, near)
+        return z * self.rows[:, None]
+
+
 def test_a_log_is_held_out_as_a_fit_without_it_does() -> None:
     data, found = gear_loss()
     led = found.led_by((GEAR,))
@@ -176,7 +192,7 @@ def test_a_log_is_held_out_as_a_fit_without_it_does() -> None:
     for k, foreseen in closure.predictions.items():
         rows = np.ones_like(data.measured)
         rows[data.rows[k]] = 0.0
-        problem = RigProblem(data, found.problem.suspects, rows.ravel())
+        problem = Weighed(data, found.problem.suspects, rows=rows.ravel())
         fit = fit_set(problem, led.marginal.masked(rows.ravel()), (GEAR,), {GEAR: led.best.x})
         assert foreseen.x[0] == pytest.approx(
             fit.x[0], abs=ONE_STEP / math.sqrt(float(fit.curve[0, 0]))

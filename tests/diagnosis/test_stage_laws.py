@@ -10,7 +10,6 @@ import msgspec
 import numpy as np
 import pytest
 from daily import daily
-from matplotlib.axes import Axes
 from test_cli import one_sentence, winchcascade
 from winchlog import CYCLE, RIG, planted, random_winch
 
@@ -25,6 +24,7 @@ from winchcascade.report.render.page import page_text
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.diagnosis import diagnosis_report
 from winchcascade.report.results.diagnosis_record import as_json
+from winchcascade.report.results.stage_diagnosis import worst_cycle
 from winchcascade.rig.effects.catalogue import EFFECTS
 
 Record = dict[str, Any]
@@ -457,16 +457,15 @@ def test_a_log_of_the_other_sign_is_corrected_and_reported(campaign: Path) -> No
     ],
     ids=str,
 )
-def test_every_verdict_has_its_page_its_report_and_its_map(numbers: dict[str, float]) -> None:
+def test_every_verdict_has_its_page_and_its_report(numbers: dict[str, float]) -> None:
     found = diagnosed(0, **numbers)
     made = diagnosis_report(found, command="winchcascade diagnose")
     assert "nan" not in terminal_text(made)
     assert page_text(made).startswith("<!doctype html>")
-    assert ("stability" in [getattr(block, "id", "") for block in made.blocks]) == bool(
-        found.causes
-    )
-    ax = found.plot("map")
-    assert isinstance(ax, Axes)
-    assert len(ax.texts) == len(found.places) == len(found.to_pandas("map"))
-    with pytest.raises(OptionError, match="expected a model"):
-        found.plot("waterfall")
+    assert (
+        "stability" in [getattr(block, "id", "") for block in made.illustrated().blocks]
+    ) == bool(found.causes)
+    (history,) = (one for one in made.pictures if one.id == "history")
+    worst = worst_cycle(found)
+    assert history.figure is not None
+    assert worst is None or f"{worst.cycle}" in history.figure.axes[0].get_title(loc="left").split()

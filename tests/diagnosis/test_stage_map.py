@@ -19,7 +19,7 @@ from winchcascade.diagnosis.diagnosis_result import Entries
 from winchcascade.diagnosis.stages.diagnose_stages import diagnose_stages
 from winchcascade.diagnosis.stages.stage_map import LossMap, convex_hull, make_loss_map
 from winchcascade.ingest.read import read_run
-from winchcascade.report.loss_map_file import write_loss_map
+from winchcascade.report.results.loss_map import write_loss_map
 from winchcascade.rig.baseline import load_rig
 from winchcascade.rig.effects.catalogue import EFFECTS
 

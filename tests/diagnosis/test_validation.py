@@ -3,6 +3,7 @@ known errors of the model.
 """
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -13,15 +14,14 @@ from rigs import calibrated_rig
 
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
-from winchcascade.diagnosis.explain.contributions import (
-    INPUTS,
-    covariance_without,
-    joint_covariance,
-)
 from winchcascade.diagnosis.explain.validation import Compared
 from winchcascade.diagnosis.explain.windowed import QUANTITIES, quantities_of, windowed
+from winchcascade.diagnosis.fit.covariance import covariance_without, joint_covariance
+from winchcascade.diagnosis.fit.nuisances import SKEW, stated_share
 from winchcascade.diagnosis.judge.causes import COVERED
+from winchcascade.diagnosis.verdict_limits import AS_GOOD
 from winchcascade.reduction.efficiency import METRICS
+from winchcascade.reduction.uncertainty import budget
 from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
@@ -141,14 +141,34 @@ def test_only_what_a_found_error_moves_takes_its_uncertainty(misread: ModelDiagn
         )
 
 
-def test_the_uncertainty_of_the_inputs_is_that_of_the_tolerances_of_the_rig() -> None:
+def test_a_lag_that_a_log_leaves_open_is_known_better_beside_a_fit() -> None:
+    found = diagnosed("nothing")
+    for k in range(len(LOGS)):
+        one = windowed(found.data, k)
+        assert one.reduction is not None
+        known = math.sqrt(2.0) * SKEW / one.log.run.fs
+        rows = [
+            (row.of, min(known / row.source.u, 1.0))
+            if row.source is not None and row.source.basis == "relation"
+            else (row.of, 1.0)
+            for row in budget(one.reduction).rows
+        ]
+        assert any(share < 1.0 for _, share in rows)
+        for own in (own for own in found.validation if own.log == k):
+            u = math.hypot(*(share * (of[own.quantity] or 0.0) for of, share in rows))
+            assert own.u_d == pytest.approx(u)
+
+
+def test_the_uncertainty_of_the_inputs_is_what_the_rig_file_states() -> None:
+    """What a fit allows a number beside that is an error of the model."""
     found = diagnosed("nothing")
     data, nothing = found.data, np.zeros(len(found.data.nuisances))
-    of_inputs = [j for j, n in enumerate(data.nuisances) if n.kind in INPUTS]
+    shares = [stated_share(data.rig, n) for n in data.nuisances]
+    of_inputs = np.flatnonzero(shares)
     for k in range(len(LOGS)):
         (stated, *moved) = (
             true_metrics(found, k, data.models(nu, [])[k])
-            for nu in (nothing, *np.eye(nothing.size)[of_inputs])
+            for nu in (nothing, *np.diag(shares)[of_inputs])
         )
         u = np.sqrt(sum((one - stated) ** 2 for one in moved))
         for one in (one for one in found.validation if one.log == k):
@@ -176,6 +196,8 @@ def test_cycles_of_the_only_load_are_not_held_out_as_a_load() -> None:
     )
     assert {one.held_out for one in found.validation} == {False}
     assert [one.effect for one in found.causes] == ["copper_heating"]
+    alike = math.exp(-AS_GOOD)  # heating, which one run cannot show
+    assert found.causes[0].probability <= 1.0 / (1.0 + alike)
 
 
 def test_the_record_has_the_validation_of_each_run() -> None:

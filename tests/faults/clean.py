@@ -21,6 +21,7 @@ from fault_logs import (
     twin,
 )
 from injected import log_uniform
+from unusual import unusual_rigs
 from verdicts import moved
 
 from winchcascade import RigError, read_run, reduce
@@ -41,6 +42,11 @@ DESERVED = {
 }
 """Findings that campaigns with labels deserve: some name no rig, one states no thresholds of its
 rig, one has waves without a rest, one states a wrong load."""
+
+OF_RIG = {"thresholds_assumed", "derived_channel", "missing_channel"}
+"""Findings that a log of another rig deserves: its rig file states no thresholds, or it lacks a
+channel."""
+
 
 LATE = ("labelled/electrical_lag/", "channel_lag", "vdc")
 """Campaign whose truth is a lag of Vdc and Idc, and the finding that its logs alone deserve."""
@@ -147,6 +153,7 @@ SOURCES: dict[str, Callable[[], Named]] = {
     "fixtures at other rates": resampled,
     "twin": twins,
     "unusual strokes": unusual,
+    "unusual rigs": unusual_rigs,
 }
 """Undamaged logs by source; those beside the project are absent elsewhere."""
 
@@ -179,6 +186,10 @@ def deserved(
         return bool(np.max(channels[finding.channel]) > LIMITS[finding.channel])
     if finding.kind == "slack_line":
         return bool(np.min(channels["force"]) < 0.0)
+    if finding.kind in OF_RIG and "force and voltage" in name:
+        return True
+    if finding.kind == "stroke_mismatch":
+        return ", uneven" in name
     campaign, *late = LATE
     late_here = name.startswith(campaign) and [finding.kind, finding.channel] == late
     return true is None and (finding.kind in DESERVED or late_here)

@@ -14,12 +14,14 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-import contradictions  # noqa: F401  registers its faults
-import injected_files  # noqa: F401  registers its faults
-import whole_channels  # noqa: F401  registers its faults
-from clean import SOURCES, false_findings
-from injected import FAULTS, trial
-from verdicts import counts, judged, letters, names, table
+sys.path[:0] = [str(Path(__file__).parents[1])]
+
+import contradictions  # noqa: E402, F401  registers its faults
+import injected_files  # noqa: E402, F401  registers its faults
+import whole_channels  # noqa: E402, F401  registers its faults
+from clean import SOURCES, false_findings  # noqa: E402
+from injected import FAULTS, trial  # noqa: E402
+from verdicts import counts, judged, letters, names, table  # noqa: E402
 
 RECORDED = Path(__file__).parent / "recorded.json"
 

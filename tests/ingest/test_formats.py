@@ -92,7 +92,7 @@ def test_mat4_is_recognised_only_by_a_whole_header(head: bytes) -> None:
 @pytest.mark.parametrize(
     ("magic", "what"),
     [
-        (b"CDF\x02", "NetCDF file, .*to_csv"),
+        (b"CDF\x05", "NetCDF file of 64 bit data, .*nccopy"),
         (b"MDF     4.10", r"MDF measurement \(MF4\), .*asammdf"),
         (b"ARROW1\0\0", "Feather file, .*to_parquet"),
         (b"#ROSBAG V2.0", "ROS bag, .*rostopic"),

@@ -72,15 +72,6 @@ def test_a_missing_gear_ratio_is_reported_and_a_drum_radius_gives_the_velocity(
     assert kinds(run) == {"derived_channel", "thresholds_assumed"}
 
 
-@pytest.mark.parametrize(("ratio", "found"), [(0.9, {"speed_mismatch"}), (1.004, set())])
-def test_a_speed_that_contradicts_line_drum_and_gear_is_reported(
-    ratio: float, found: set[str], tmp_path: Path
-) -> None:
-    run = read(tmp_path, crane_log(ratio))
-    assert kinds(run) == found
-    assert all("speed is 0.900" in finding.message for finding in run.findings)
-
-
 def test_a_speed_of_the_opposite_sign_follows_the_line(tmp_path: Path) -> None:
     run = read(tmp_path, crane_log(-1.0))
     assert kinds(run) == {"sign_flipped"}
@@ -104,21 +95,6 @@ def test_channels_of_a_rig_of_its_own_are_read_by_name_or_column(tmp_path: Path)
         "the log has no valve channel",
     }
     assert list(rig.known_channels)[-3:] == ["p_main", "pump", "valve"]
-
-
-def test_a_power_that_contradicts_torque_and_speed_is_reported(tmp_path: Path) -> None:
-    torque = [2.0 + 0.01 * k for k in range(50)]
-    rows = [
-        [f"{0.1 * k:.1f}", f"{600 + k}", f"{x}", f"{-x * (600 + k) / RPM}"]
-        for k, x in enumerate(torque)
-    ]
-    run = read(
-        tmp_path,
-        text(rows, ["t (s)", "n (rpm)", "Torque (N.m)", "Shaft power (W)"]),
-        rig=rig_of(""),
-    )
-    (finding,) = run.findings
-    assert "power_mech is -1.000 times torque x speed" in finding.message
 
 
 def test_a_log_of_the_direct_current_alone_is_read_if_it_holds_numbers(tmp_path: Path) -> None:

@@ -20,7 +20,6 @@ from winchcascade.report.content import Table
 from winchcascade.report.flat_rows import write_parquet
 from winchcascade.report.render.publish import publish
 from winchcascade.report.render.terminal import terminal_text
-from winchcascade.report.results.drawn_reduction import drawn_report
 from winchcascade.report.results.reduction import reduction_report
 
 LOG = Path("fixtures/campaign/r36ohm.csv")
@@ -68,7 +67,7 @@ def test_two_stages_have_one_efficiency_and_no_net_energies_in_either_direction(
     assert result.mean.eta_gen == pytest.approx(PLAIN.mean.value("eta_gen"))
     assert (result.mean.energy_line, result.mean.energy_net) == (None, None)
     assert "whole-cycles" not in [
-        one.id for one in reduction_report(result, uncertainty(result)).filled
+        one.id for one in reduction_report(result, uncertainty(result)).illustrated().sections
     ]
     assert back.mean.value("eta_gen_mech") == pytest.approx(
         1.0 / result.mean.value("eta_gen"), rel=1e-3
@@ -119,7 +118,7 @@ def test_an_own_channel_gives_a_stage_its_power(tmp_path: Path) -> None:
     rows = slice(*np.searchsorted(run.t, (window.onset, window.cutoff)).tolist())
     by_hand = float(np.trapezoid(run.channels["pressure"][rows] * 1e-3, run.t[rows]))
     assert result.cycles[0].metrics.energy_oilside == pytest.approx(by_hand, rel=0.02)
-    report = drawn_report(result, uncertainty(result))
+    report = reduction_report(result, uncertainty(result))
     publish(report, html=tmp_path / "a.html")
     assert "E_oilside" in terminal_text(report)
     assert "oilside: the oil" in (tmp_path / "a.html").read_text()
@@ -229,7 +228,7 @@ def test_steps_of_a_dyno_are_no_repeats_of_each_other(tmp_path: Path) -> None:
     assert found.standard.value("energy_mech") < 0.02 * result.mean.value("energy_mech")
     reasons = [f.message for f in result.quality if f.kind == "missing_channel"]
     assert reasons == ["stage gen has no power (vdc * idc): the log has no vdc and no idc"]
-    assert "mean of" not in terminal_text(drawn_report(result, found))
+    assert "mean of" not in terminal_text(reduction_report(result, found))
 
 
 def test_a_whole_record_states_what_flows_both_ways_and_bears_a_short_gap(tmp_path: Path) -> None:

@@ -12,13 +12,15 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from winchcascade import Reduction, Run, read_run, reduce
+from winchcascade import Reduction, Run, read_run, reduce, simulate
 from winchcascade.core.rig_toml import built_in, parse_rig
 from winchcascade.reduction.lags_between_runs import lags_between
 from winchcascade.reduction.reduction_result import Relation
 from winchcascade.reduction.run_record import reduction_json
 from winchcascade.reduction.timing import TIMING
 from winchcascade.reduction.uncertainty import budget
+from winchcascade.rig.baseline import baseline
+from winchcascade.rig.parts import with_part
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 WINDOW = 5.96
@@ -119,6 +121,26 @@ def test_a_machine_gives_no_more_than_it_takes(
     assert (
         ("gain_mismatch", "torque") in kinds(reduce(scaled(factor, *names), window=WINDOW))
     ) is found
+
+
+def test_an_offset_of_the_torque_while_moving_is_friction_in_every_channel() -> None:
+    """Such an offset reads as friction behind the sensor in place of friction before it, so that
+    one log cannot show it: what a rig file states of friction errs by more."""
+    offset, run, model = 10.0, clean(), baseline(built_in()).physics
+    gear, mesh = model.drivetrain.gear, model.drivetrain.eta_mesh
+    before = with_part(model, "winch", friction=offset)
+    behind = with_part(model, "drivetrain", friction=offset * mesh / gear)
+    logged = simulate(run, before).run.channels
+    moving = (run.channels["velocity"] > 0.1) & (logged["torque"] > 0.0)
+    shown = {**logged, "torque": logged["torque"] + offset * moving}
+    other = simulate(run, behind).run.channels
+    phases = reduce(run, window=WINDOW).cycles
+    for cycle in phases:
+        plateau = cycle.summary.payout.plateau
+        assert plateau is not None
+        rows = slice(*run.t.searchsorted([plateau.begin, plateau.braking]))
+        for name in ("force", "torque", "vdc", "idc"):
+            assert shown[name][rows] == pytest.approx(other[name][rows], rel=2e-3)
 
 
 def test_a_load_in_milliohm_is_reported_beside_vdc_over_idc() -> None:

@@ -6,11 +6,10 @@ import itertools
 
 import pytest
 from layout import misplaced
-from matplotlib.figure import Figure
 from summaries import run
 
 from winchcascade.reduction.campaign_record import LogSummary
-from winchcascade.report.figures.campaign_figures import over_load, repeated, runs_over_speed
+from winchcascade.report.figures.campaign_figures import over_load, repeated
 from winchcascade.report.figures.style import SHORT, cut_apart, house_style
 
 LOADS: dict[str, list[float | None]] = {
@@ -28,21 +27,13 @@ def logs(kind: str) -> list[LogSummary]:
     return [run(name, load, 0.7, 0.01) for name, load in zip(names, LOADS[kind], strict=False)]
 
 
-def speed_figure(runs: list[LogSummary]) -> Figure:
-    row = {"torque_nm": 1.0, "power_mech_w": 2.0, "power_gen_w": 1.5}
-    bins = [{"rpm_low": 100.0 * k, "rpm_high": 100.0 * (k + 1), **row} for k in range(8)]
-    figure = runs_over_speed(runs, {r.name: bins for r in runs})
-    assert figure is not None
-    return figure
-
-
 @pytest.mark.parametrize("kind", LOADS)
 def test_no_text_lies_over_another(kind: str) -> None:
     runs = logs(kind)
     with house_style():
-        for figure in (over_load(runs), speed_figure(runs)):
-            assert figure is not None
-            assert misplaced(figure) == []
+        figure = over_load(runs)
+        assert figure is not None
+        assert misplaced(figure) == []
 
 
 def test_the_line_over_the_loads_goes_through_the_mean_of_each() -> None:

@@ -32,9 +32,8 @@ from winchcascade.report.content import Measured, Report, Table
 from winchcascade.report.figures.campaign_figures import over_load
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.render.page import page_text
-from winchcascade.report.results.campaign import campaign_report
+from winchcascade.report.results.campaign import campaign_report, written_campaign
 from winchcascade.report.results.campaign_index import results_index
-from winchcascade.report.results.drawn_campaign import written_campaign
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 

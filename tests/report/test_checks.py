@@ -7,8 +7,12 @@ import pandas as pd
 import pytest
 
 from winchcascade.report.content import Report, Table
-from winchcascade.report.results.check_record import check_record, github_annotations, junit_xml
-from winchcascade.report.results.checks import check_report
+from winchcascade.report.results.checks import (
+    check_record,
+    check_report,
+    github_annotations,
+    junit_xml,
+)
 from winchcascade.tables.check import Check, Measured, check
 from winchcascade.tables.table_file import load_table
 

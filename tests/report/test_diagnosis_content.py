@@ -11,6 +11,7 @@ from diagnosed import SUSPECTS, diagnosed
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.report.content import Cell, Measured, Note, Picture, Report, Span, Table
+from winchcascade.report.diagnosis_names import called
 from winchcascade.report.glossary import CHANNELS
 from winchcascade.report.results.diagnosis import diagnosis_report
 from winchcascade.report.results.diagnosis_record import as_json
@@ -73,7 +74,7 @@ def test_every_cause_stands_in_the_table_with_its_number_and_interval(name: str)
     found = diagnosed(name)
     shown = rows(tables(report(name))["causes"])
     assert [row["effect"] for row in shown if row["effect"]] == [
-        cause.effect for cause in found.causes
+        called(cause.effect) for cause in found.causes
     ]
     number, interval = next(iter(found.causes[0].parameters.values())), shown[0]["95 %"]
     factor = value(shown[0]["found"]) / number.value
@@ -101,7 +102,9 @@ def test_without_an_explanation_no_cause_is_named_and_every_suspect_has_its_thre
     made, found = report(name), diagnosed(name)
     assert "causes" not in tables(made)
     assert made.tiles[0].beside == "no cause named"
-    assert {row["effect"] for row in rows(tables(made)["thresholds"])} == set(found.suspects)
+    assert {row["effect"] for row in rows(tables(made)["thresholds"])} == {
+        called(name) for name in found.suspects
+    }
     assert not {row["part"] for row in rows(tables(made)["costs-eta-pto"])} & set(found.suspects)
     if name == "outsider":
         assert not [effect for effect in found.suspects if effect in said(made)]

@@ -110,7 +110,7 @@ def test_what_to_do_follows_from_kind_look_alikes_next_run_and_verdict() -> None
         action_of(changed(found, verdict="partly_explained"), cause).what,
     ]
     assert done == [
-        "enter it with `--write`",
+        "confirm it by the resistance between two terminals of the machine right after a run",
         "recalibrate force cell",
         "make the next run",
         "measure r_s directly",

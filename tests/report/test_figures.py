@@ -136,7 +136,7 @@ def test_energies_that_do_not_fall_have_no_flow_diagram(clean: Result, mean: Met
     assert figures.window_flow(msgspec.structs.replace(clean[0], mean=mean)) is None
 
 
-def test_means_of_powers_and_of_the_current_are_drawn_over_the_speed(clean: Result) -> None:
+def test_means_of_powers_are_drawn_over_the_speed(clean: Result) -> None:
     reduction, _ = clean
     assert figures.power_streams(reduction, {}) is None
     figure = figures.power_streams(reduction, powers_of(reduction))
@@ -146,17 +146,7 @@ def test_means_of_powers_and_of_the_current_are_drawn_over_the_speed(clean: Resu
         [b.mean["gen"] for b in reduction.bins]
     )
     middle = [0.5 * (b.rpm_low + b.rpm_high) for b in reduction.bins]
-    current = figure.axes[2].lines[-1]
-    assert (
-        np.asarray(means.get_xdata()).tolist()
-        == np.asarray(current.get_xdata()).tolist()
-        == pytest.approx(middle)
-    )
-    loaded = np.asarray(current.get_ydata())[5:]
-    expected = [
-        np.sqrt(power / 36.0) for b in reduction.bins[5:] if (power := b.mean["gen"]) is not None
-    ]
-    assert loaded.tolist() == pytest.approx(expected, rel=0.03)  # I = sqrt(P / R)
+    assert np.asarray(means.get_xdata()).tolist() == pytest.approx(middle)
 
 
 @pytest.mark.parametrize("ends", [(0.0, 3.5e7), (25.0001, 25.0002), (0.0, 3e-7)])

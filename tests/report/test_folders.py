@@ -48,7 +48,7 @@ def _report() -> Report:
     return Report(
         "kind",
         "Title",
-        sections=[section("s", "S", TABLE, Picture("loads", "Powers.", "A plot.", figure))],
+        sections=[section("s", "S", TABLE, Picture("loads", "Powers.", "A plot.", lambda: figure))],
     )
 
 

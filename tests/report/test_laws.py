@@ -9,18 +9,25 @@ import re
 from collections import Counter, defaultdict
 from decimal import Decimal
 from typing import TYPE_CHECKING
+from xml.etree import ElementTree
 
 import pandas as pd
 import pypdf
 import pytest
 from every_report import COMMANDS, KITE, SLOW, Made, made
-from layout import misplaced
+from layout import misplaced, outlying
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from page_reader import PageReader
+from stated import tables
+from stated import texts as stated_texts
 
-from winchcascade.report.content import Note, Picture, Report, Table
+from winchcascade.report.content import PROVENANCE, Picture, Report, Table
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import typeset
+from winchcascade.report.render.drawing import drawn
 from winchcascade.report.render.folders import write_tables
 from winchcascade.report.render.pdf import pdf_bytes
 from winchcascade.report.render.terminal import terminal_text
@@ -44,6 +51,9 @@ campaign.
 
 WIDTHS = (60, 80, 100)
 """Columns of terminals."""
+
+LOAD = re.compile(r"[\d.]+ Ω|open circuit")
+"""A load as a legend names it."""
 
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 
@@ -71,31 +81,21 @@ def pages(request: pytest.FixtureRequest, written: Callable[[str], list[Made]]) 
     return written(request.param)
 
 
-def tables(report: Report) -> list[Table[object]]:
-    return [block.used() for block in report.blocks if isinstance(block, Table)]
-
-
 def pictures(report: Report) -> list[Picture]:
-    return [
-        *([report.lead] if report.lead else []),
-        *(b for b in report.blocks if isinstance(b, Picture)),
-    ]
+    return report.illustrated().pictures
+
+
+def figure_of(picture: Picture) -> Figure:
+    assert picture.figure is not None
+    return picture.figure
 
 
 def texts(report: Report) -> Iterator[str]:
-    """Every text that a report states."""
-    yield from (report.title, report.subtitle, report.banner)
-    notes = [*report.notes, *([report.verdict] if report.verdict else [])]
-    for note in (*notes, *(block for block in report.blocks if isinstance(block, Note))):
-        yield from (note.about, note.text)
-    for tile in report.tiles:
-        yield from (tile.name, tile.about, tile.value, tile.beside)
-    for table in tables(report):
-        yield from (table.caption, table.note, *(text for row in table.texts for text in row))
+    """Every text that a report states, also those of its figures."""
+    yield from stated_texts(report)
     for picture in pictures(report):
-        yield from (picture.caption, picture.alt)
         yield from (
-            text.get_text() for text in picture.figure.findobj(Text) if isinstance(text, Text)
+            text.get_text() for text in figure_of(picture).findobj(Text) if isinstance(text, Text)
         )
 
 
@@ -188,7 +188,7 @@ def test_a_pdf_states_every_cell_and_every_caption(pages: list[Made]) -> None:
 def test_files_hold_the_numbers_in_full(pages: list[Made], tmp_path: Path) -> None:
     for k, (report, _) in enumerate(pages):
         write_tables(report, tmp_path / f"{k}", "name")
-        for table in tables(report):
+        for table in (one for one in tables(report) if one.id != PROVENANCE):
             again = pd.read_csv(tmp_path / f"{k}" / f"name_{table.id}.csv")
             frame = table.frame()
             assert len(again.columns) == len(frame.columns)
@@ -224,7 +224,31 @@ def test_no_text_of_a_figure_lies_over_another(pages: list[Made]) -> None:
     for report, _ in pages:
         for one in pictures(report):
             with house_style():
-                assert misplaced(one.figure) == [], (report.kind, one.id)
+                assert misplaced(figure_of(one)) == [], (report.kind, one.id)
+
+
+def test_every_mark_of_a_figure_lies_inside_its_axes(pages: list[Made]) -> None:
+    for report, _ in pages:
+        for one in pictures(report):
+            assert outlying(figure_of(one)) == [], (report.kind, one.id)
+
+
+def test_every_drawing_is_well_formed(pages: list[Made]) -> None:
+    for report, _ in pages:
+        for one in pictures(report):
+            ElementTree.fromstring(drawn(one.figure))
+
+
+def test_a_load_has_one_colour_on_all_figures_of_a_page(pages: list[Made]) -> None:
+    for report, _ in pages:
+        colours: dict[str, set[str]] = defaultdict(set)
+        for one in pictures(report):
+            for legend in figure_of(one).legends:
+                for line, text in zip(legend.legend_handles, legend.get_texts(), strict=True):
+                    if isinstance(line, Line2D) and LOAD.fullmatch(text.get_text()):
+                        colours[text.get_text()].add(to_hex(line.get_color()))
+        assert [load for load, several in colours.items() if len(several) > 1] == []
+        assert len(set(map(str, colours.values()))) == len(colours)
 
 
 def test_no_quantity_has_two_numbers_on_a_page(pages: list[Made]) -> None:

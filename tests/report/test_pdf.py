@@ -18,7 +18,7 @@ from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.report.content import PAIRS, Cell, Column, Note, Report, Span, Table, section
 from winchcascade.report.glossary import typeset
 from winchcascade.report.render.pdf import pdf_bytes
-from winchcascade.report.results.drawn_reduction import drawn_report
+from winchcascade.report.results.reduction import reduction_report
 
 CLEAN = Path(__file__).parents[2] / "fixtures" / "campaign" / "r36ohm.csv"
 
@@ -63,7 +63,7 @@ def of_a_note(title: str, subtitle: str = "", *notes: Note) -> Report:
 
 def test_a_log_fills_its_pages_which_are_numbered_and_named() -> None:
     reduction = reduce(read_run(CLEAN, load=36.0, campaign=False), window=5.48)
-    report = drawn_report(
+    report = reduction_report(
         reduction, uncertainty(reduction), command="winchcascade reduce r36ohm.csv"
     )
     pages, metadata = made(report)

@@ -4,14 +4,15 @@ laws of its stages.
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import UTC
 from functools import partial
 from typing import TYPE_CHECKING
 
-import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import Campaign, CampaignRun, load_campaign
+from winchcascade.core.campaign_settings import listed_settings
 from winchcascade.core.errors import CampaignError, OptionError, RigError, WinchcascadeError
 from winchcascade.core.files import write_content, write_whole
 from winchcascade.core.log_thresholds import with_thresholds
@@ -26,7 +27,7 @@ from winchcascade.diagnosis.stages.diagnose_stages import (
     StageDiagnosis,
     diagnose_stages,
 )
-from winchcascade.ingest.read import read_run
+from winchcascade.ingest.read import read_by, read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.rig.baseline import NoModel, load_rig, model_of
@@ -57,41 +58,32 @@ def read_logs(
     loads : every entry needs a load, as the model of the rig simulates it; without a model none
         counts
     """
-    read: dict[tuple[Path, str | None, float | None, datetime | None, float | None], Run] = {}
+    read: list[tuple[CampaignRun, Run]] = []
     runs = []
     for number, entry in enumerate(campaign.runs, 1):
-        key = (
-            entry.file,
-            entry.sheet,
-            entry.load if loads else None,
-            entry.started,
-            entry.temperature,
-        )
-        if key not in read:
+        log = replace(
+            entry, load=entry.load if loads else None, cycles=None, ranges=(), withheld=False,
+            window=None, simulated=None,
+        )  # fmt: skip
+        run = next((run for other, run in read if other == log), None)
+        if run is None:
             on_progress(f"reading {entry.file.name} ({number} of {len(campaign.runs)})")
-            run = read_run(
-                entry.file,
-                rig=rig,
-                load=key[2],
-                about=campaign.title,
-                origin=entry.origin,
-                table=entry.sheet,
-                campaign=False,
-            )
-            read[key] = _as_listed(_checked(run), entry)
-        if loads and read[key].load is None:
+            settings = listed_settings(campaign, log, rig)
+            run = _as_listed(_checked(read_by(entry.file, settings)), entry)
+            read.append((log, run))
+        if loads and run.load is None:
             raise CampaignError(
                 f"{campaign.path}: run {number} ({entry.file.name}) has no load; a diagnosis "
                 f"simulates it, so give load_ohm."
             )
-        runs.append(read[key])
+        runs.append(run)
     return runs
 
 
 def _checked(run: Run) -> Run:
     """A log with the findings of the checks that need its cycles, too."""
     try:
-        return msgspec.structs.replace(run, findings=reduce(run).quality)
+        return replace(run, findings=reduce(run).quality)
     except WinchcascadeError:  # a log without cycles is rejected where it is diagnosed
         return run
 
@@ -102,9 +94,9 @@ def _as_listed(run: Run, entry: CampaignRun) -> Run:
     """
     if entry.started is not None:
         since = entry.started if entry.started.tzinfo else entry.started.replace(tzinfo=UTC)
-        run = msgspec.structs.replace(run, started=since.timestamp())
+        run = replace(run, started=since.timestamp())
     if entry.temperature is not None:
-        run = msgspec.structs.replace(run, temperature=entry.temperature + UNITS["degC"].offset)
+        run = replace(run, temperature=entry.temperature + UNITS["degC"].offset)
     return run
 
 
@@ -130,11 +122,8 @@ def with_simulations(campaign: Campaign, folder: Path) -> Campaign:
             f"{campaign.path}, with the name of the log. To use other names, give simulated = "
             f'"FILE" beside file there.'
         )
-    runs = tuple(
-        msgspec.structs.replace(entry, simulated=folder / entry.file.name)
-        for entry in campaign.runs
-    )
-    return msgspec.structs.replace(campaign, runs=runs)
+    runs = tuple(replace(entry, simulated=folder / entry.file.name) for entry in campaign.runs)
+    return replace(campaign, runs=runs)
 
 
 def read_simulations(

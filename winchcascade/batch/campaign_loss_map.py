@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.diagnosis.stages.stage_map import LossMap, make_loss_map
 from winchcascade.ingest.read import read_by
-from winchcascade.report.loss_map_file import check_ending
+from winchcascade.report.results.loss_map import check_ending
 
 if TYPE_CHECKING:
     from winchcascade.batch.plan import Plan

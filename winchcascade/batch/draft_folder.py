@@ -57,7 +57,7 @@ def draft_folder(folder: Path, rig: str | None = None) -> Drafts:
     if not logs:
         reasons = first_of([*skipped.values()], 3, " ")
         raise OptionError(
-            f"{folder}: no log found; expected CSV, TDMS, MATLAB, Parquet or Excel. {reasons}".rstrip()
+            f"{folder}: no log found; expected CSV, TDMS, MATLAB, NetCDF, Parquet or Excel. {reasons}".rstrip()
         )
     base = "" if used is not None else fitting_rig(logs[0], {}, loads=False)[0]
     if base and built_in(base).columns:

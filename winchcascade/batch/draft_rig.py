@@ -16,9 +16,9 @@ from winchcascade.core.cascade import BUILT_IN as STAGES
 from winchcascade.core.channels import CHANNELS
 from winchcascade.core.errors import WinchcascadeError
 from winchcascade.core.log_thresholds import thresholds_text, together
+from winchcascade.core.machine_parts import NUMBERS_OF
 from winchcascade.core.plain_text import first_of, one_line
 from winchcascade.core.quantity import find_unit, read_as, unit_names
-from winchcascade.core.rig_file import NUMBERS_OF
 from winchcascade.core.rig_toml import BUILT_IN, DEFAULT_RIG, built_in, built_in_text, parse_rig
 from winchcascade.ingest.assign import has_columns, near_channel
 from winchcascade.ingest.log_facts import ColumnFacts, LogFacts

@@ -16,7 +16,7 @@ from winchcascade.core.campaign_settings import LogSettings, listed_settings
 from winchcascade.core.errors import CampaignError, OptionError
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.rig_toml import first_named
-from winchcascade.core.store import CAMPAIGN_RECORD, digest_of
+from winchcascade.core.store import CAMPAIGN_RECORD, digest_of, fingerprint, joint_digest
 from winchcascade.core.version import __version__
 from winchcascade.ingest.source import LOG_ENDINGS
 from winchcascade.rig.baseline import load_rig
@@ -52,6 +52,12 @@ class Work(msgspec.Struct, frozen=True):
     path: str
     settings: LogSettings
     key: str = ""
+
+    @property
+    def fingerprint(self) -> str:
+        """Digest of the content of its files now."""
+        files: tuple[str | Path, ...] = (self.path, *self.settings.beside)
+        return joint_digest([fingerprint(file) for file in files])
 
 
 class Plan(msgspec.Struct, frozen=True):
@@ -278,9 +284,12 @@ def _key(work: Work) -> str:
     """
     options = msgspec.structs.asdict(work.settings)
     rig, sheet, _ = options.pop("rig"), options.pop("sheet"), options.pop("parts")
-    said = (RESULTS, work.path, *options.values(), *([] if sheet is None else [sheet]))
+    beside = [str(path) for path in options.pop("beside")]
+    said = (RESULTS, work.path, *options.values(), *([] if sheet is None else [sheet]), *beside)
     content = (
-        repr(said).encode("utf-8", "replace") + msgspec.json.encode(rig) + __version__.encode()
+        repr(said).encode("utf-8", "replace")
+        + msgspec.json.encode(rig, order="deterministic")
+        + __version__.encode()
     )
     return digest_of(content)
 

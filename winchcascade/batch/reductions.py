@@ -87,10 +87,10 @@ def _reports(
     from winchcascade.report.render.page import page_text
     from winchcascade.report.render.pdf import pdf_bytes
     from winchcascade.report.results.campaign_index import links_to
-    from winchcascade.report.results.drawn_reduction import drawn_report
+    from winchcascade.report.results.reduction import reduction_report
 
     model = modelled(reduction)
-    report = drawn_report(reduction, found, model=model, command=command)
+    report = reduction_report(reduction, found, model=model, command=command)
     report = replace(report, links=links_to([CAMPAIGN_PAGE, INDEX], above=True))
     files = {"html": page_text(report).encode()} if "html" in endings else {}
     return files | ({"pdf": pdf_bytes(report)} if "pdf" in endings else {}), model

@@ -125,9 +125,8 @@ def run_batch(
                 _write_result(runs, name, outcome.value)
                 continue
             faults[name] = outcome.fault or ""
-            if outcome.rejected and fingerprint(
-                todo[name].path
-            ):  # one that cannot be read now may count again
+            # One that cannot be read now may count again.
+            if outcome.rejected and fingerprint(todo[name].path):
                 for ending in ENDINGS:
                     (runs / f"{name}.{ending}").unlink(missing_ok=True)
         batch = Batch(
@@ -146,7 +145,7 @@ def run_batch(
 
 def result_of(work: Work, reports: Sequence[str]) -> Output:
     """The record of a log and its reports, as they would be made now."""
-    key = result_key(work, fingerprint(work.path))
+    key = result_key(work, work.fingerprint)
     return Output(f"{work.name}.json", ENTRY, key, tuple(reports), f"{work.name}.")
 
 
@@ -254,10 +253,10 @@ def _write_campaign(
 def _write_reports(campaign: CampaignRecord, made: Path, out: Path, products: Products) -> None:
     """Write the reports of the campaign into a scratch folder."""
     from winchcascade.report.render.publish import publish
+    from winchcascade.report.results.campaign import written_campaign
     from winchcascade.report.results.campaign_index import links_to
-    from winchcascade.report.results.drawn_campaign import written_campaign
 
-    report = written_campaign(campaign, made, results=out, command=products.command)
+    report = written_campaign(campaign, out, command=products.command)
     paths = {ending: made / f"campaign.{ending}" for ending in products.reports}
     publish(
         replace(report, links=links_to([INDEX])),

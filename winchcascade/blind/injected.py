@@ -9,14 +9,12 @@ import msgspec
 import numpy as np
 
 from winchcascade.blind.twin_numbers import BELL, KNEE, LINE
-from winchcascade.blind.units import PAPER_UNITS, Units
 
 
 class InjectedEffect(msgspec.Struct, frozen=True):
     """An effect that may be injected: where in the cascade it acts, the parameter that a diagnosis
-    reports of it, its unit, its size at full strength on the rig of the paper, whether a size of
-    either sign is drawn, and the factor of `Units` by which the parameter is larger on a rig of
-    another size.
+    reports of it, its unit, its size at full strength on the rig of the paper, and whether a size
+    of either sign is drawn.
     """
 
     stage: str
@@ -24,7 +22,6 @@ class InjectedEffect(msgspec.Struct, frozen=True):
     unit: str
     size: float
     either: bool = False
-    factor: str = "one"
 
 
 PARTS: dict[str, InjectedEffect] = {
@@ -32,43 +29,39 @@ PARTS: dict[str, InjectedEffect] = {
     "ke_shift": InjectedEffect("generator", "k_e_change", "1", 0.03, either=True),
     "copper_heating": InjectedEffect("generator", "r_s_change", "1", 0.35),
     "sync_inductance": InjectedEffect("generator", "l_s_change", "1", 0.15, either=True),
-    "diode_drop": InjectedEffect("generator", "v_d_extra", "V", 0.7, factor="volt"),
+    "diode_drop": InjectedEffect("generator", "v_d_extra", "V", 0.7),
     "load_drift": InjectedEffect("generator", "r_load_change", "1", 0.035, either=True),
     "gear_mesh_loss": InjectedEffect("gearbox", "efficiency_change", "1", -0.05),
-    "rotor_viscous": InjectedEffect(
-        "gearbox", "b_extra", "N.m.s/rad", 6e-4, factor="damping_rotor"
-    ),
-    "rotor_windage": InjectedEffect(
-        "gearbox", "c_extra", "N.m.s2/rad2", 2.2e-6, factor="windage_rotor"
-    ),
-    "rotor_friction": InjectedEffect("gearbox", "torque", "N.m", 0.2, factor="torque_rotor"),
+    "rotor_viscous": InjectedEffect("gearbox", "b_extra", "N.m.s/rad", 6e-4),
+    "rotor_windage": InjectedEffect("gearbox", "c_extra", "N.m.s2/rad2", 2.2e-6),
+    "rotor_friction": InjectedEffect("gearbox", "torque", "N.m", 0.2),
     "rotor_inertia": InjectedEffect("gearbox", "j_change", "1", 2.5),
-    "clutch_drag": InjectedEffect("gearbox", "torque", "N.m", 3.0, factor="torque"),
-    "line_friction": InjectedEffect("transmission", "torque", "N.m", 7.0, factor="torque"),
-    "line_drag": InjectedEffect("transmission", "b", "N.m.s/rad", 0.9, factor="damping"),
-    "drum_inertia": InjectedEffect("transmission", "j_extra", "kg.m2", 0.6, factor="inertia"),
+    "clutch_drag": InjectedEffect("gearbox", "torque", "N.m", 3.0),
+    "line_friction": InjectedEffect("transmission", "torque", "N.m", 7.0),
+    "line_drag": InjectedEffect("transmission", "b", "N.m.s/rad", 0.9),
+    "drum_inertia": InjectedEffect("transmission", "j_extra", "kg.m2", 0.6),
     "drum_layering": InjectedEffect(
-        "transmission", "radius_change_per_10_m", "1", 0.05, either=True, factor="per_length"
+        "transmission", "radius_change_per_10_m", "1", 0.05, either=True
     ),
     "gas_polytropic": InjectedEffect("restoring", "n", "1", 0.22),
-    "gas_volume": InjectedEffect("restoring", "volume_extra", "m3", 7e-4, factor="volume"),
+    "gas_volume": InjectedEffect("restoring", "volume_extra", "m3", 7e-4),
     "precharge": InjectedEffect("restoring", "pressure_change", "1", -0.06, either=True),
     "piston_area": InjectedEffect("restoring", "area_change", "1", -0.07, either=True),
-    "seal_friction": InjectedEffect("restoring", "force", "N", 920.0, factor="thrust"),
+    "seal_friction": InjectedEffect("restoring", "force", "N", 920.0),
     "screw_friction": InjectedEffect("restoring", "mu_change", "1", 0.012, either=True),
     "torque_gain": InjectedEffect("sensor", "gain_error", "1", 0.04, either=True),
-    "force_zero": InjectedEffect("sensor", "offset", "N", 35.0, either=True, factor="force"),
+    "force_zero": InjectedEffect("sensor", "offset", "N", 35.0, either=True),
     "force_gain": InjectedEffect("sensor", "gain_error", "1", 0.03, either=True),
     "voltage_gain": InjectedEffect("sensor", "gain_error", "1", 0.025, either=True),
     "current_gain": InjectedEffect("sensor", "gain_error", "1", 0.025, either=True),
-    "electrical_lag": InjectedEffect("sensor", "lag", "s", 0.12, factor="time"),
+    "electrical_lag": InjectedEffect("sensor", "lag", "s", 0.12),
 }
 """Every effect that a seed deals by its name, with its size at full strength. The order belongs
 to what a seed deals.
 """
 
 LATER: dict[str, InjectedEffect] = {
-    "stribeck": InjectedEffect("transmission", "slow_torque", "N.m", 5.0, factor="torque"),
+    "stribeck": InjectedEffect("transmission", "slow_torque", "N.m", 5.0),
     "pressure_gain": InjectedEffect("sensor", "gain_error", "1", 0.05, either=True),
 }
 """Effects that joined the catalogue later: they are injected where a plan names them, and a seed
@@ -115,16 +108,12 @@ class Hidden(msgspec.Struct, frozen=True):
         """Value of an effect, size of an outsider or of further physics, 0 where it is absent."""
         return self.effects.get(name, self.outsiders.get(name, self.physics.get(name, 0.0)))
 
-    def reported(self, units: Units = PAPER_UNITS) -> dict[str, dict[str, float]]:
-        """True value of the parameter that a diagnosis reports, by effect, on a rig in units of
-        nature.
-        """
-        found = {}
-        for name, value in self.effects.items():
-            part = INJECTED[name]
-            own = value * units.factor(part.factor)
-            found[name] = {part.parameter: 1.0 + _SIGNS[name] * own if name in _SIGNS else own}
-        return found
+    def reported(self) -> dict[str, dict[str, float]]:
+        """True value of the parameter that a diagnosis reports, by effect."""
+        return {
+            name: {INJECTED[name].parameter: 1.0 + _SIGNS[name] * x if name in _SIGNS else x}
+            for name, x in self.effects.items()
+        }
 
 
 _SIGNS = {"ke_rolloff": -1.0, "gas_polytropic": 1.0}

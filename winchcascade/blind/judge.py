@@ -78,46 +78,12 @@ class Claimed(msgspec.Struct, frozen=True):
     share_closed: float | None = None
 
 
-class ModelForm(msgspec.Struct, frozen=True):
-    """Stage of a difference between the owner's own simulation and the model."""
-
-    stage: str | None = None
-
-
-class Part(msgspec.Struct, frozen=True):
-    """One part of the account of a metric."""
-
-    effect: str | None
-    low: float | None = None
-    high: float | None = None
-
-
-class Account(msgspec.Struct, frozen=True):
-    """The account of one metric of one run."""
-
-    metric: str
-    load_ohm: float | str | None = None
-    parts: tuple[Part, ...] = ()
-
-
-class Threshold(msgspec.Struct, frozen=True):
-    """The value of its parameter from which an effect alone would be named, None where no
-    plausible one would be.
-    """
-
-    effect: str
-    named_from: float | None = None
-
-
 class Diagnosis(msgspec.Struct, frozen=True):
     """The part of the JSON of a diagnosis that trials read."""
 
     verdict: Verdict
     causes: tuple[Cause, ...] = ()
     closure: Claimed | None = None
-    model_form: tuple[ModelForm, ...] | None = None
-    contributions: tuple[Account, ...] = ()
-    thresholds: tuple[Threshold, ...] = ()
 
     @property
     def claims(self) -> bool:

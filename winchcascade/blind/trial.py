@@ -17,7 +17,7 @@ from pathlib import Path
 
 import msgspec
 
-from winchcascade.blind.cases import Case, draw, plan_cases, write_campaign
+from winchcascade.blind.cases import DealtCase, draw, plan_cases, write_campaign
 from winchcascade.blind.truth import TRUTH_FILE, Truth, decoded, truth_by_effects
 from winchcascade.core.campaign_file import CAMPAIGN_FILE
 from winchcascade.core.errors import OptionError
@@ -76,7 +76,7 @@ class Answer(msgspec.Struct, frozen=True):
         return truth_by_effects(self.effects, self.parameters)
 
 
-def answer_of(case: Case) -> Answer:
+def answer_of(case: DealtCase) -> Answer:
     """Draw the true numbers of a case without making its logs."""
     hidden, twin, _ = draw(case)
     return Answer(
@@ -254,7 +254,7 @@ def _lay_out(out: Path, content: bytes, trial: Trial, *, force: bool) -> None:
     write_content(inside(out, TRIAL), json_bytes(trial), force=force)
 
 
-def write_whole_campaign(case: Case, folder: str) -> None:
+def write_whole_campaign(case: DealtCase, folder: str) -> None:
     """Write the campaign of a case into a folder of its name, whole or not at all."""
     with scratch_folder(Path(folder)) as part:
         write_campaign(case, part)

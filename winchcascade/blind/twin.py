@@ -18,12 +18,12 @@ from scipy.signal import fftconvolve, lfilter
 
 from winchcascade.blind.drive import FINE, GRID, LEDGER, Drive, run_drive
 from winchcascade.blind.injected import Hidden
-from winchcascade.blind.machine import PAPER, Machine
 from winchcascade.blind.twin_numbers import (  # fmt: skip
     AIR,
     CRANE,
     CRANE_LOGGER,
     LOAD_SCATTER,
+    LOADS,
     RESTORING_SHARES,
     SCATTER,
     SENSORS,
@@ -291,8 +291,12 @@ log, and mean. [1]
 """
 
 
+NOMINAL = Twin(Numbers(), dict(LOADS), dict.fromkeys(SENSORS, 1.0), Hidden())
+"""The rig of the paper, as its rig file states it."""
+
+
 def draw_twin(
-    hidden: Hidden, rng: np.random.Generator, scatter: float = 1.0, machine: Machine = PAPER
+    hidden: Hidden, rng: np.random.Generator, scatter: float = 1.0, stated: Twin = NOMINAL
 ) -> Twin:
     """Draw the rig of a campaign within the uncertainties of its numbers.
 
@@ -300,24 +304,25 @@ def draw_twin(
     ----------
     scatter : true standard deviation of its numbers and of the gains of its sensors over the stated
         uncertainty [1]
-    machine : the rig as its file states it
+    stated : the rig as its file states it, each number known to the same share of it as in the
+        paper; without a gear if its mesh has no loss
     """
-    stated = zip(machine.numbers, machine.relative, SCATTER, strict=True)
-    numbers = Numbers(*(rng.normal(mean, scatter * u * share) for mean, share, u in stated))
+    known = zip(stated.numbers, NOMINAL.numbers, SCATTER, strict=True)
+    numbers = Numbers(*(rng.normal(own, scatter * u * (own / paper)) for own, paper, u in known))
     loads = {
         log: rng.normal(1.0, LOAD_SCATTER if log != "open_circuit" else 0.0) * ohm
-        for log, ohm in machine.loads.items()
+        for log, ohm in stated.loads.items()
     }
     gains = {name: rng.normal(1.0, scatter * LOAD_SCATTER) for name in SENSORS}
-    restoring = machine.restoring
+    restoring = stated.restoring
     if not restoring.has_gas:
         factors = {name: 1.0 + u * rng.standard_normal() for name, u in RESTORING_SHARES.items()}
         restoring = restoring._replace(
             **{name: by * getattr(restoring, name) for name, by in factors.items()}
         )
-    if machine.direct:
+    if stated.numbers.eta_mesh == 1.0:
         numbers = numbers._replace(eta_mesh=1.0)
-    return Twin(numbers, loads, gains, hidden, fixed=machine.fixed, restoring=restoring)
+    return Twin(numbers, loads, gains, hidden, fixed=stated.fixed, restoring=restoring)
 
 
 def drive_of(twin: Twin, log: str) -> Drive:

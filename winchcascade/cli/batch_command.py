@@ -13,6 +13,7 @@ from msgspec.structs import replace
 
 from winchcascade.cli.options import INPUT, OUTPUTS, check_load, option, with_options
 from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present, show
+from winchcascade.cli.progress import Progress, status_line
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Workers, one_thread_each, processes
 from winchcascade.core.store import (
@@ -66,7 +67,6 @@ def batch_command(
     from winchcascade.batch.plan import make_plan, without_campaign
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.reduction.reduce import window_rule
-    from winchcascade.report.screen import Progress
 
     if reports not in REPORTS:
         raise OptionError(f"--reports {reports}: expected none, html or all.")
@@ -82,7 +82,7 @@ def batch_command(
         Products(REPORTS[reports], excel, given_command()),
         Workers(jobs or processes(), scheduler),
     )
-    with Progress(plan.title) as watch:
+    with Progress(plan.title, keeps=out) as watch:
         batch = run_batch(plan, out, products, workers=workers, force=outputs.force, watch=watch)
     no_campaign = [] if load_ohm else without_campaign(targets)
     _present(batch, outputs.without("loss_map"), drafted_by=no_campaign)
@@ -99,27 +99,23 @@ def _present_loss_map(
     """
     from winchcascade.batch.campaign_loss_map import campaign_loss_map
     from winchcascade.batch.results_pages import write_index
-    from winchcascade.report.loss_map_file import write_loss_map
     from winchcascade.report.results.campaign_index import links_to
-    from winchcascade.report.results.loss_map_report import (
-        campaign_loss_map_report,
-        loss_map_pictures,
-    )
+    from winchcascade.report.results.loss_map import campaign_loss_map_report, write_loss_map
 
     found = campaign_loss_map(plan, batch.results)
     write_loss_map(found, path, plan.title, force=force)
     origins = [item.settings.origin for item in plan.work if item.name in batch.results]
-    stated = partial(campaign_loss_map_report, found, plan.title, origins, command=products.command)
     pages = {ending: batch.folder / f"loss_map.{ending}" for ending in products.reports}
-
-    def drawn() -> Report:
-        from winchcascade.report.figures.style import house_style
-
-        with house_style():
-            return stated(loss_map_pictures(found), links_to([CAMPAIGN_PAGE, INDEX]))
-
+    make = partial(
+        campaign_loss_map_report,
+        found,
+        plan.title,
+        origins,
+        links_to([CAMPAIGN_PAGE, INDEX]),
+        command=products.command,
+    )
     show("\n")
-    present(stated, Outputs({"loss_map": path} | pages, force), name="loss map", drawn=drawn)
+    present(make, Outputs({"loss_map": path} | pages, force), name="loss map")
     if pages:
         write_index(batch.folder)
 
@@ -135,12 +131,7 @@ def _present(
     drafted_by : the folders that have no campaign file
     """
     from winchcascade.report.content import Note, Report
-    from winchcascade.report.results.campaign import campaign_report, fault_notes
-
-    def drawn() -> Report:
-        from winchcascade.report.results.drawn_campaign import written_campaign
-
-        return written_campaign(batch.summary, batch.folder, command=given_command())
+    from winchcascade.report.results.campaign import fault_notes, written_campaign
 
     named, more = ", ".join(batch.altered[:MAX_ALTERED]), len(batch.altered) - MAX_ALTERED
     named += f" and {more} more" if more > 0 else ""
@@ -164,12 +155,16 @@ def _present(
         )
         for folder in drafted_by
     ]
-    stated, faults = campaign_report(batch.summary), fault_notes(batch.summary.failed)
+    faults = fault_notes(batch.summary.failed)
+
+    def make() -> Report:
+        report = written_campaign(batch.summary, batch.folder, command=given_command())
+        return replace(report, points=[*report.points, *notes])
+
     present(
-        lambda: replace(stated, points=[*stated.points, *notes]),
+        make,
         outputs,
         name="campaign",
-        drawn=drawn,
         failed=(lambda: Report("Campaign", batch.summary.title, points=faults)) if faults else None,
         notes=_files_in(batch.folder),
     )
@@ -206,7 +201,6 @@ def demo_command(
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.report.content import Report
     from winchcascade.report.results.diagnosis_words import diagnosis_note
-    from winchcascade.report.screen import Progress, status_line
 
     campaign, results, count = (
         copy_campaign(out / "campaign", force=force),
@@ -217,7 +211,7 @@ def demo_command(
     products = Products(REPORTS["all"], workbook=True, command=given_command())
     diagnosis = diagnosis_output(campaign)
     kept = not force and state_of(results, diagnosis).kept
-    with Progress(plan.title) as watch:
+    with Progress(plan.title, keeps=out) as watch:
         batch = run_batch(plan, results, products, workers=Workers(count), force=force, watch=watch)
     _present(batch)
     if not kept:

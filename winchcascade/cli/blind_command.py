@@ -11,6 +11,7 @@ import typer
 from winchcascade.cli.help import CommandList, GroupedCommand
 from winchcascade.cli.options import OUTPUTS, option, with_options
 from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, present
+from winchcascade.cli.progress import Progress
 from winchcascade.core.jobs import Workers, one_thread_each, processes
 
 if TYPE_CHECKING:
@@ -52,9 +53,8 @@ def blind_deal_command(
     case failed.
     """
     from winchcascade.blind.trial import deal
-    from winchcascade.report.screen import Progress
 
-    with Progress(f"dealing {cases} cases") as watch:
+    with Progress(f"dealing {cases} cases", keeps=out) as watch:
         done = deal(
             out,
             cases,
@@ -95,9 +95,8 @@ def _diagnosed(
     one_thread_each()
     from winchcascade.batch.campaign_diagnosis import diagnose_campaign
     from winchcascade.blind.trial import diagnose
-    from winchcascade.report.screen import Progress
 
-    with Progress(f"diagnosing {trial.name}") as watch:
+    with Progress(f"diagnosing {trial.name}", keeps=diagnoses or trial / "diagnoses") as watch:
         return diagnose(
             trial,
             diagnose_campaign,

@@ -16,6 +16,7 @@ from winchcascade.cli.options import (
     with_options,
 )
 from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present
+from winchcascade.cli.progress import status_line
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import one_thread_each, processes, set_threads
 
@@ -31,9 +32,6 @@ from winchcascade.core.jobs import one_thread_each, processes, set_threads
     loads=option("--loads", "OHM,...", "Loads of the map [ohm]; by default those of the campaign.", EVALUATION),
     speeds=option("--speeds", "MPS,...", "Line speeds of the map [m/s]; by default up to the "
                                          "fastest logged.", EVALUATION),
-    current_limit=option("--current-limit", "A", "Largest stator current, rms [A].", EVALUATION),
-    speed_limit=option("--speed-limit", "RPM", "Largest speed of the generator [rpm].", EVALUATION),
-    tension_limit=option("--tension-limit", "N", "Largest line tension [N].", EVALUATION),
     csv=option("--csv", "FILE", "Write the schedule for a controller: speeds, load, domain and "
                                 "verdict.", OUTPUTS),
 )  # fmt: skip
@@ -60,7 +58,6 @@ def design_command(
     from winchcascade.core.files import write_content
     from winchcascade.design.design import Limits, check_options, design
     from winchcascade.report.results.design_report import design_record, design_report, schedule_csv
-    from winchcascade.report.screen import status_line
 
     outputs.check([source, motion, rig])
     set_threads(threads or processes())
@@ -146,7 +143,6 @@ def plan_command(
     from winchcascade.batch.campaign_design import planned_from
     from winchcascade.design.operating import require_positive
     from winchcascade.report.results.plan_report import plan_record, plan_report
-    from winchcascade.report.screen import status_line
 
     outputs.check([source, rig])
     set_threads(threads or processes())

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 
 from winchcascade.cli.options import EVALUATION, option, with_options
 from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present
+from winchcascade.cli.progress import status_line
 from winchcascade.core.campaign_file import Campaign, load_campaign
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import is_marked
@@ -37,6 +38,12 @@ if TYPE_CHECKING:
         EVALUATION,
         minimum=0,
     ),
+    stages=option(
+        "--stages",
+        "",
+        "Also fit laws of losses to what each stage gives beyond its model.",
+        EVALUATION,
+    ),
 )
 def diagnose_command(
     campaign: Path,
@@ -45,6 +52,7 @@ def diagnose_command(
     withhold: list[float] | None = None,
     suspect: list[str] | None = None,
     seed: int = 0,
+    stages: bool = False,
     threads: int | None = None,
     outputs: Outputs = NO_OUTPUTS,
 ) -> None:
@@ -59,9 +67,10 @@ def diagnose_command(
     """
     one_thread_each()
     from winchcascade.batch.campaign_diagnosis import diagnose_listed
+    from winchcascade.diagnosis.diagnose import ModelDiagnosis
     from winchcascade.diagnosis.handover.model_export import check_export
+    from winchcascade.diagnosis.stages.beside_model import beside_model
     from winchcascade.report.results.diagnosis_record import as_json as diagnosis_record
-    from winchcascade.report.screen import status_line
     from winchcascade.rig.effects.catalogue import suspected
 
     suspects, listed = suspected(suspect or ()), _listed(campaign, simulated)
@@ -78,6 +87,8 @@ def diagnose_command(
         found = diagnose_listed(
             listed, suspects, rig=rig, loads=withhold or (), seed=seed, on_progress=on_progress
         )
+        if stages and isinstance(found, ModelDiagnosis):
+            found = beside_model(found, on_progress)
         refused = _refused(found, outputs)
         for name in refused:
             outputs = outputs.without(name)
@@ -85,9 +96,8 @@ def diagnose_command(
     for name in lacking:
         outputs = outputs.without(name)
     _write_validation(found, outputs)
-    report = _linked_report(found, outputs["html"])
     present(
-        lambda: report,
+        lambda: _linked_report(found, outputs["html"]),
         outputs,
         record=lambda: diagnosis_record(found),
         name="diagnosis",

@@ -19,9 +19,6 @@ _OBJECTS = 100_000
 """New objects after which Python searches for unused ones: imports make more, and searches among
 them took a tenth of the time of a page. Arrays are freed at once, without a search."""
 
-_KEEPS = {"batch", "blind", "demo"}
-"""Commands that write each result as soon as it is finished; others write when all is done."""
-
 
 def run() -> None:
     """Run the command line in a process of its own: its end is not delayed by a search for unused
@@ -38,13 +35,11 @@ def main() -> None:
     try:
         import signal
 
-        from winchcascade.core.jobs import end_on_signals
+        from winchcascade.core.process_end import end_on_signals
 
-        ends = {
-            signal.SIGINT: f"winchcascade: interrupted; {_kept()}",
-            signal.SIGTERM: f"winchcascade: ended; {_kept()}",
-        }
-        end_on_signals(ends)
+        end_on_signals(
+            {signal.SIGINT: "winchcascade: interrupted", signal.SIGTERM: "winchcascade: ended"}
+        )
         _ready_streams()
         from winchcascade.report.screen import screen_of, use_screen
 
@@ -59,7 +54,7 @@ def main() -> None:
             raise KeyboardInterrupt
         sys.exit(code)
     except KeyboardInterrupt:
-        _exit_with(f"interrupted; {_kept()}", code=_INTERRUPTED)
+        _exit_interrupted()
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(2)
@@ -77,12 +72,6 @@ def main() -> None:
         )
     except Exception as fault:
         _reject_usage(fault)
-
-
-def _kept() -> str:
-    """What remains of a command that was ended."""
-    kept = "what was finished is kept, " if _KEEPS.intersection(sys.argv[1:2]) else ""
-    return f"{kept}no file was left half-written."
 
 
 def _ready_streams() -> None:
@@ -107,6 +96,13 @@ def _exit_with(sentence: str, *, code: int = 2) -> NoReturn:
     sys.exit(code)
 
 
+def _exit_interrupted() -> NoReturn:
+    """End by the sentence of an interrupt, where Python has made an exception of it."""
+    from winchcascade.core.process_end import remains
+
+    _exit_with(f"interrupted; {remains()}", code=_INTERRUPTED)
+
+
 def _reject_usage(fault: Exception) -> NoReturn:
     """Report a fault of the input, or of usage as typer found it; any other is one of this
     program and is shown whole.
@@ -116,7 +112,7 @@ def _reject_usage(fault: Exception) -> NoReturn:
     if isinstance(fault, WinchcascadeError):
         _exit_with(str(fault))
     if _was_interrupted(fault):
-        _exit_with(f"interrupted; {_kept()}", code=_INTERRUPTED)
+        _exit_interrupted()
     if not hasattr(fault, "format_message"):
         raise fault
     if not fault.format_message().strip() or type(fault).__name__ == "NoArgsIsHelpError":

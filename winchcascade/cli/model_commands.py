@@ -145,11 +145,7 @@ def calibrate_command(
     from winchcascade.diagnosis.handover.calibrate import calibrate
     from winchcascade.diagnosis.handover.rig_text import calibrated_text
     from winchcascade.ingest.read import read_by
-    from winchcascade.report.results.calibration import (
-        calibration_record,
-        calibration_report,
-        drawn_calibration,
-    )
+    from winchcascade.report.results.calibration import calibration_record, calibration_report
 
     check_load(load_ohm)
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=None, sheet=sheet)
@@ -159,11 +155,10 @@ def calibrate_command(
     if outputs["write"] is not None:
         write_content(outputs["write"], calibrated_text(calibration), force=outputs.force)
     present(
-        lambda: calibration_report(calibration),
+        lambda: calibration_report(calibration, command=given_command()),
         outputs,
         record=lambda: calibration_record(calibration),
         name=f"{Path(run.name).stem}_calibration",
-        drawn=lambda: drawn_calibration(calibration, command=given_command()),
     )
 
 

@@ -85,7 +85,7 @@ def argument(name: str, text: str, names: Callable[[str], Sequence[Any]] | None 
     return typer.Argument(metavar=name, help=text, show_default=False, autocompletion=names)
 
 
-LOG = argument("LOG", "The log: CSV, .lvm, TDMS, MATLAB, Parquet or Excel.")
+LOG = argument("LOG", "The log: CSV, .lvm, TDMS, MATLAB, NetCDF, Parquet or Excel.")
 """The argument of a single log."""
 
 _TABLE = "The published table: a table file, or the built-in hsu2026-table2."
@@ -156,6 +156,9 @@ OPTIONS: dict[str, Any] = {
     ),
     "max_drop": option("--max-drop", "X", "Exit with code 1 if eta_pto of a run drops by more "
                                           "than X, such as 0.01."),
+    "current_limit": option("--current-limit", "A", "Largest stator current, rms [A]."),
+    "speed_limit": option("--speed-limit", "RPM", "Largest speed of the generator [rpm]."),
+    "tension_limit": option("--tension-limit", "N", "Largest line tension [N]."),
     "same_logs": option("--same-logs", "", "The table was made from these logs: allow rounding "
                                            "alone."),
     "tolerance": option(

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, TextIO
 
 import msgspec
 
+from winchcascade.cli.progress import status_line
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import check_replaceable, json_bytes, write_content
 from winchcascade.core.plain_text import json_without_commands, lines, printable
 from winchcascade.core.store import make_one
-from winchcascade.report.screen import QUIET, painted, status_line
+from winchcascade.report.screen import QUIET, painted
 
 if TYPE_CHECKING:
     from winchcascade.report.content import Report
@@ -102,12 +103,11 @@ NO_OUTPUTS = Outputs()
 
 
 def present(
-    stated: Callable[[], Report],
+    make: Callable[[], Report],
     outputs: Outputs,
     *,
     record: Callable[[], object] = dict,
     name: str = "report",
-    drawn: Callable[[], Report] | None = None,
     failed: Callable[[], Report] | None = None,
     notes: Iterable[str | Path] = (),
 ) -> None:
@@ -118,16 +118,15 @@ def present(
 
     Parameters
     ----------
-    stated : makes the report of the result
+    make : makes the report of the result, of which a page, a PDF or files draw the figures
     record : makes the content of the JSON, or its bytes
     name : with which the names of figures and tables begin
-    drawn : makes the report with its figures, where that takes longer
     failed : makes the report of what failed; None where nothing did
     notes : listed below the files
     """
     from winchcascade.report.render.terminal import terminal_text
 
-    written = _write_report_files(drawn or stated, outputs, name)
+    written = _write_report_files(make, outputs, name)
     if outputs["json"] is not None:
         found = record()
         content = found if isinstance(found, bytes) else json_bytes(found)
@@ -138,8 +137,8 @@ def present(
     if QUIET.get():
         show("", failures="" if failed is None else terminal_text(failed()))
     else:
-        report = written if written is not None and drawn is None else stated()
-        show(terminal_text(report, list(dict.fromkeys([*outputs.files, *notes]))))
+        files = list(dict.fromkeys([*outputs.files, *notes]))
+        show(terminal_text(written or make(), files))
 
 
 def _write_report_files(make: Callable[[], Report], outputs: Outputs, name: str) -> Report | None:

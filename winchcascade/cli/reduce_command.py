@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,8 +18,6 @@ from winchcascade.core.run import Repairs
 if TYPE_CHECKING:
     from winchcascade.diagnosis.stages.stage_map import LossMap
     from winchcascade.reduction.reduction_result import Reduction
-    from winchcascade.reduction.uncertainty import Uncertainty
-    from winchcascade.report.content import Report
 
 
 @with_options("json", *REPORT, "parquet", "loss_map", logs=LOG)
@@ -43,6 +40,7 @@ def reduce_command(
     from winchcascade.reduction.reduce import reduce, require_payouts, window_rule
     from winchcascade.reduction.run_record import reduction_json
     from winchcascade.reduction.uncertainty import uncertainty
+    from winchcascade.report.results.reduction import reduction_report
 
     log = _one_log(logs)
     check_load(load_ohm)
@@ -50,7 +48,7 @@ def reduce_command(
         window_rule(window)
     outputs.check([log, log.parent / "campaign.toml", rig])
     if outputs["loss_map"] is not None:
-        from winchcascade.report.loss_map_file import check_ending
+        from winchcascade.report.results.loss_map import check_ending
 
         check_ending(outputs["loss_map"])
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=window, sheet=sheet)
@@ -67,11 +65,10 @@ def reduce_command(
         write_parquet(reduction, outputs["parquet"], force=outputs.force)
     found = uncertainty(reduction)
     present(
-        partial(_stated, reduction, found, mapped),
+        lambda: reduction_report(reduction, found, mapped, command=given_command()),
         outputs,
         record=lambda: reduction_json(reduction, found),
         name=Path(reduction.run.name).stem,
-        drawn=partial(_drawn, reduction, found, mapped),
     )
 
 
@@ -84,25 +81,10 @@ def _one_log(logs: Sequence[Path]) -> Path:
     raise OptionError(f"{what}; expected one log. To reduce several logs, run `{batch}`.")
 
 
-def _stated(reduction: Reduction, found: Uncertainty, mapped: LossMap | None) -> Report:
-    from winchcascade.report.results.loss_map_report import loss_map_section
-    from winchcascade.report.results.reduction import reduction_report
-
-    return reduction_report(
-        reduction, found, more={} if mapped is None else {"loss-map": loss_map_section(mapped)}
-    )
-
-
-def _drawn(reduction: Reduction, found: Uncertainty, mapped: LossMap | None) -> Report:
-    from winchcascade.report.results.drawn_reduction import drawn_report
-
-    return drawn_report(reduction, found, mapped, command=given_command())
-
-
 def _write_loss_map(reduction: Reduction, path: Path, *, force: bool) -> LossMap:
     """Make the loss map of a log and write it."""
     from winchcascade.diagnosis.stages.stage_map import make_loss_map
-    from winchcascade.report.loss_map_file import write_loss_map
+    from winchcascade.report.results.loss_map import write_loss_map
 
     found = make_loss_map([reduction.run], reduction.rig)
     write_loss_map(found, path, reduction.run.name, force=force)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from winchcascade.cli.design_command import numbers
 from winchcascade.cli.options import EVALUATION, INPUT, OUTPUTS, argument, option, with_options
 from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present
+from winchcascade.cli.progress import status_line
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import one_thread_each, processes, set_threads
 
@@ -44,9 +45,6 @@ if TYPE_CHECKING:
     compare=option("--compare", "", "Compare with the best load of each sea and the schedule of "
                                     "`design`.", EVALUATION),
     draws=option("--draws", "N", "Draw N rigs for the bands; 40 by default.", EVALUATION, minimum=0),
-    current_limit=option("--current-limit", "A", "Largest stator current, rms [A].", EVALUATION),
-    speed_limit=option("--speed-limit", "RPM", "Largest speed of the generator [rpm].", EVALUATION),
-    tension_limit=option("--tension-limit", "N", "Largest line tension [N].", EVALUATION),
     csv=option("--csv", "FILE", "Write the mean power of each sea with its band, domain and "
                                 "verdict.", OUTPUTS),
 )  # fmt: skip
@@ -86,7 +84,6 @@ def sea_command(
     from winchcascade.core.files import write_content
     from winchcascade.design.operating import require_positive
     from winchcascade.report.results.sea_report import sea_csv, sea_record, sea_report
-    from winchcascade.report.screen import status_line
     from winchcascade.sea.hydrodynamics import read_float
     from winchcascade.sea.line_motion import FOLLOWER
     from winchcascade.sea.sea_study import BINS, sea_study

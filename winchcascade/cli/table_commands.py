@@ -18,6 +18,7 @@ from winchcascade.cli.outputs import (
     show,
     show_commands,
 )
+from winchcascade.cli.progress import Progress
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import write_content
 
@@ -40,8 +41,13 @@ def check_command(
     """
     from winchcascade.batch.results import check_results, input_files, load_results
     from winchcascade.core.jobs import processes
-    from winchcascade.report.results.check_record import check_record, github_annotations, junit_xml
-    from winchcascade.report.results.checks import check_report, failed_check
+    from winchcascade.report.results.checks import (
+        check_record,
+        check_report,
+        failed_check,
+        github_annotations,
+        junit_xml,
+    )
     from winchcascade.tables.check import SAME_LOGS, Factors
     from winchcascade.tables.table_file import load_table
 
@@ -105,7 +111,6 @@ def audit_command(
     """
     from winchcascade.report.results.audit_record import audit_record
     from winchcascade.report.results.audits import audit_report, failed_audit
-    from winchcascade.report.screen import Progress
     from winchcascade.tables.audit import audit
     from winchcascade.tables.table_file import load_table
 

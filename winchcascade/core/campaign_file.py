@@ -113,7 +113,8 @@ class CampaignRun(
     `load` is None for a rig without one and inf for an open circuit; `window` None where the rule
     of the rig applies. `started` is when the run began: all runs of a campaign have an offset from
     UTC or none has. `temperature` is that of the winding or the housing during the run, as the file
-    states it [degC]. `columns` is a table as [columns] of a rig file, for this log alone.
+    states it [degC]. `columns` is a table as [columns] of a rig file, for this log alone. `beside` are
+    the logs of other loggers of the same test, which a file lists after the first.
     """
 
     file: Path
@@ -129,6 +130,7 @@ class CampaignRun(
     started: datetime | None = None
     temperature: Annotated[float, Meta(ge=-60.0, le=400.0)] | None = None
     columns: Table = msgspec.field(default_factory=dict)
+    beside: tuple[Path, ...] = ()
 
     def __post_init__(self) -> None:
         """Reject cycles and ranges of time that end before they begin: ValueError."""
@@ -236,13 +238,23 @@ def _run(raw: Table, place: str, path: Path, campaign: _CampaignFile) -> Campaig
     stated = {"measured": campaign.measured, **raw}
     if stated["measured"] == campaign.measured:
         stated = {"origin": campaign.origin, **stated}
+    if isinstance(files := raw.get("file"), list) and files:
+        stated["file"], *others = files
+        stated["beside"] = [_beside(path, name) for name in others]
+    elif "beside" in raw:
+        raise CampaignError(f"{place} beside is no key; expected file = [FILE, FILE].")
     for key in ("file", "simulated"):
-        if isinstance(name := raw.get(key), str) and name and "\0" not in name:
-            stated[key] = path.parent / name
+        if key in stated:
+            stated[key] = _beside(path, stated[key])
     if isinstance(raw.get("sheet"), int):
         stated["sheet"] = str(raw["sheet"])
     run: CampaignRun = convert(stated, CampaignRun, place, CampaignError)
     return run
+
+
+def _beside(path: Path, name: object) -> object:
+    """The path of a file that a campaign file names; what is no name stays, to be rejected."""
+    return path.parent / name if isinstance(name, str) and name and "\0" not in name else name
 
 
 def check_held_out(
@@ -293,7 +305,10 @@ def campaign_beside(log: Path, sheet: str | None = None) -> tuple[Campaign, Camp
     listed = [
         run
         for run in campaign.runs
-        if run.file.name == log.name and run.file.resolve() == log.resolve()
+        if any(
+            file.name == log.name and file.resolve() == log.resolve()
+            for file in (run.file, *run.beside)
+        )
     ]
     if sheet is not None:
         listed = [

@@ -24,7 +24,7 @@ class LogSettings(msgspec.Struct, frozen=True):
     the title of the campaign, `origin` describes where the data come from, and `sheet` names the
     table to read, None where the file has one only. `parts` is the finding on a log of which a
     campaign lists other cycles elsewhere. `repairs` is "off" for a log that is to be kept as it was
-    logged.
+    logged. `beside` are the logs of other loggers of the same test.
     """
 
     rig: Rig
@@ -37,6 +37,7 @@ class LogSettings(msgspec.Struct, frozen=True):
     sheet: str | None = None
     parts: Finding | None = None
     repairs: Repairs = "on"
+    beside: tuple[Path, ...] = ()
 
 
 def listed_settings(campaign: Campaign, run: CampaignRun, rig: Rig) -> LogSettings:
@@ -61,6 +62,7 @@ def listed_settings(campaign: Campaign, run: CampaignRun, rig: Rig) -> LogSettin
         about=campaign.title,
         origin=run.origin,
         sheet=run.sheet,
+        beside=run.beside,
     )
 
 
@@ -83,6 +85,9 @@ def settings_beside(
     settings = listed_settings(
         campaign, run, first_named(campaign.rig, read=read) if rig is None else rig
     )
+    if run.file.name != log.name or run.file.resolve() != log.resolve():
+        others = [file for file in run.beside if file.resolve() != log.resolve()]
+        settings = replace(settings, beside=(run.file, *others), sheet=None)
     file = realpath(run.file)
     alike = [
         one for one in campaign.runs if one.file.name == run.file.name and one.sheet == run.sheet

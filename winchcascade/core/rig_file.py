@@ -1,5 +1,4 @@
-"""A rig as data: geometry, sensors, columns, thresholds and uncertainties, as a rig file states
-them.
+"""A rig as data: parts, sensors, columns and thresholds, as a rig file states them.
 
 A rig may lack stages and sensors: what is absent is None or not listed, and the metrics that need
 it are null.
@@ -9,111 +8,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import cache
 from numbers import Real
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
 
-from winchcascade.core.campaign_file import Ranges, check_ranges
 from winchcascade.core.cascade import PAPER, Cascade
 from winchcascade.core.channels import CHANNELS, Channel
 from winchcascade.core.errors import OptionError, check_type
+from winchcascade.core.machine_parts import (
+    DcLink,
+    Drivetrain,
+    Generator,
+    Measure,
+    Restoring,
+    Winch,
+    measures,
+)
+from winchcascade.core.number_types import Finite, NotNegative, Positive, Share, ShareOfAll
+from winchcascade.core.phase_rule import PhaseRule
 from winchcascade.core.quantity import Quantity
 from winchcascade.core.toml_file import convert, struct_fields
 
-PhaseSource = Literal[
-    "velocity", "displacement", "speed", "column", "ranges", "waves", "steps", "rows", "whole"
-]
-"""What the cycles of a log are found in."""
-
-_Label = Annotated[str, Meta(pattern=r"\S")] | int | float
-NotNegative = Annotated[float, Meta(ge=0.0, le=1e15)]
-Positive = Annotated[float, Meta(gt=0.0, le=1e15)]
-_ShareOfAll = Annotated[float, Meta(gt=0.0, le=1.0)]
-Finite = Annotated[float, Meta(ge=-1e15, le=1e15)]
-_Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 _Coverage = Annotated[float, Meta(ge=1.0, le=10.0)]
-
-
-class PhaseRule(
-    msgspec.Struct,
-    frozen=True,
-    forbid_unknown_fields=True,
-    rename={"source": "from", "ranges": "ranges_s", "step_min": "step_min_s", "settle": "settle_s"},
-):
-    """Where cycles come from, and the thresholds of the sources that need one; each default with
-    its reason.
-    """
-
-    source: PhaseSource = "velocity"
-    column: str = ""
-    """Column of labels, with `column`."""
-    payout: tuple[_Label, ...] = ()
-    """Its values in payout,"""
-    haul_in: tuple[_Label, ...] = ()
-    """and in haul-in."""
-    ranges: Ranges = ()
-    """Begin and end of each cycle on the clock of the log, with `ranges`. [s]"""
-    rpm_onset: Positive = math.nan
-    """The shaft turns from this speed on, with `speed`, `steps` and with `waves` of a shaft: above
-    ripple and noise of usual encoders, below any operating point; by default a share of its top
-    speed in the log. [rpm]"""
-    turns_min: Positive = 0.25
-    """Motions that turn the shaft less are no payout, with `speed`; an angle has no dimension: on
-    any drum, a rope that is let out by less than twice its radius. [rev]"""
-    step_min: Positive = 2.0
-    """A step lasts at least this long beyond its settling, with `steps`: some revolutions at 100
-    rpm. [s]
-    """
-    settle: Annotated[float, Meta(ge=0.0, lt=1e9)] = 0.5
-    """What is left out at the beginning of each step: speed controllers and filters settle
-    within it. [s]
-    """
-    speed_band: _ShareOfAll = 0.02
-    """Width of the band in which the speed of a step stays, as a share of the largest speed of the
-    log: ripple of speed controllers is below one per cent, steps of a test plan are farther apart.
-    [1]"""
-    torque_band: _ShareOfAll = 0.10
-    """The same of the torque: cogging and brakes make it less steady. [1]"""
-
-    def __post_init__(self) -> None:
-        """Reject a source without what it needs: ValueError."""
-        check_ranges(self.ranges)
-        if self.source == "column" and not (self.column and self.payout):
-            raise ValueError(
-                'from = "column" needs the column and its values in payout; add column = "..." '
-                'and payout = ["..."].'
-            )
-
-    @property
-    def omega_onset(self) -> float:
-        """Speed from which on the shaft turns. [rad/s]"""
-        return self.rpm_onset * math.pi / 30.0
-
-    @property
-    def by_motion(self) -> bool:
-        """Whether payouts are found in a motion, and windows set by the rule of the rig; else a
-        window is its whole cycle.
-        """
-        return self.source in ("velocity", "displacement", "speed")
-
-    @property
-    def repeats(self) -> bool:
-        """Whether cycles repeat one motion, so that they show a repeatability; steps and
-        stretches do not.
-        """
-        return self.source not in ("steps", "rows", "whole")
-
-
-class Measure(msgspec.Struct, frozen=True):
-    """What a number of a rig file measures, as an annotation of its field, and the type of possible
-    values in SI units: beyond them no rig is known, and the unit or the number is wrong.
-    """
-
-    dimension: str
-    si: Any = NotNegative
 
 
 class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -134,14 +52,14 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     high: Finite | None = None
     resolution: NotNegative | None = None
     accuracy: NotNegative | None = None
-    accuracy_full_scale: _Share | None = None
-    accuracy_reading: _Share | None = None
+    accuracy_full_scale: Share | None = None
+    accuracy_reading: Share | None = None
     coverage: _Coverage | None = None
-    daq_full_scale: _Share | None = None
-    daq_reading: _Share | None = None
+    daq_full_scale: Share | None = None
+    daq_reading: Share | None = None
     daq_coverage: _Coverage | None = None
     u_zero: NotNegative | None = None
-    u_gain: _Share | None = None
+    u_gain: Share | None = None
     u_lag: NotNegative | None = None
     source: str = ""
 
@@ -199,167 +117,6 @@ class Column(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return tuple(name for name in stated if name.strip())
 
 
-class Winch(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The drum that the tether turns.
-
-    `motion` is where displacement and velocity are measured: by an encoder on the drum, which
-    counts radius times angle, or on the line itself. A velocity that a reduction makes of the speed
-    of the shaft is of the drum in any case. `line_can_push` of a rod or a rack in its place: the
-    force of the line then has both signs, and is never slack.
-    """
-
-    r_drum: Annotated[
-        Quantity | None, Measure("length", Annotated[float, Meta(ge=1e-3, le=100.0)])
-    ] = None
-    inertia: Annotated[Quantity | None, Measure("inertia")] = None
-    motion: Literal["drum", "line"] = "drum"
-    line_can_push: bool = False
-
-
-RestoringKind = Literal["gas_screw", "spring", "counterweight", "none"]
-"""What keeps the tether taut."""
-
-NUMBERS_OF: Mapping[RestoringKind, tuple[str, ...]] = {
-    "gas_screw": (
-        "lead",
-        "lead_angle",
-        "half_angle",
-        "mu_screw",
-        "area_piston",
-        "p_precharge",
-        "volume_gas",
-    ),
-    "spring": ("force", "stiffness"),
-    "counterweight": ("mass",),
-    "none": (),
-}
-"""Numbers that a model needs of each kind of restoring module."""
-
-WITH_FRICTION: tuple[RestoringKind, ...] = ("spring", "counterweight")
-"""Kinds that may state a friction; that of a screw is `mu_screw`."""
-
-
-class Restoring(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What keeps the tether taut: screw, piston and gas-charged accumulator, a spring, a
-    counterweight, or nothing.
-
-    `force` of a spring at zero payout, its `stiffness` and the `friction` against the motion are
-    those that the line feels.
-    """
-
-    kind: RestoringKind = "gas_screw"
-    lead: Annotated[Quantity | None, Measure("lead", Positive)] = None
-    lead_angle: Annotated[Quantity | None, Measure("angle")] = None
-    half_angle: Annotated[Quantity | None, Measure("angle")] = None
-    mu_screw: Annotated[Quantity | None, Measure("number")] = None
-    area_piston: Annotated[Quantity | None, Measure("area", Positive)] = None
-    p_precharge: Annotated[Quantity | None, Measure("pressure")] = None
-    volume_gas: Annotated[Quantity | None, Measure("volume", Positive)] = None
-    force: Annotated[Quantity | None, Measure("force")] = None
-    stiffness: Annotated[Quantity | None, Measure("line_stiffness")] = None
-    mass: Annotated[Quantity | None, Measure("force", Positive)] = (
-        None  # by its weight: a kg is read as a kgf
-    )
-    friction: Annotated[Quantity | None, Measure("force")] = None
-
-    def __post_init__(self) -> None:
-        """Reject numbers of another kind: ValueError."""
-        other = [
-            name
-            for name in measures(Restoring)
-            if getattr(self, name) is not None and name not in self.own
-        ]
-        if other:
-            raise ValueError(
-                f"{', '.join(other)} of another kind of restoring module: kind is {self.kind}, "
-                f"which has "
-                f"{', '.join(self.own) or 'no number'}. State the kind, or remove what it does "
-                f"not have."
-            )
-
-    @property
-    def needed(self) -> tuple[str, ...]:
-        """Numbers that a model needs."""
-        return NUMBERS_OF[self.kind]
-
-    @property
-    def own(self) -> tuple[str, ...]:
-        """Numbers that it may have."""
-        return (*self.needed, "friction") if self.kind in WITH_FRICTION else self.needed
-
-    @property
-    def has_gas(self) -> bool:
-        """Whether screw, piston and gas are there, and a pressure."""
-        return self.kind == "gas_screw"
-
-
-class Drivetrain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Clutch, shaft, gear and high-speed shaft between drum and generator.
-
-    With the gear ratio 1 the machine is on the shaft of the drum. `one_way_clutch` is None where
-    the file does not state it: the model then has one, and bins hold whole payouts.
-    """
-
-    gear_ratio: Annotated[
-        Quantity | None, Measure("number", Annotated[float, Meta(ge=1e-3, le=1e5)])
-    ] = None
-    eta_mesh: Annotated[Quantity | None, Measure("number", _ShareOfAll)] = None
-    b_rotor: Annotated[Quantity | None, Measure("damping")] = None
-    k_shaft: Annotated[Quantity | None, Measure("stiffness")] = None
-    c_shaft: Annotated[Quantity | None, Measure("damping")] = None
-    inertia_rotor: Annotated[Quantity | None, Measure("inertia")] = None
-    one_way_clutch: bool | None = None
-
-    @property
-    def direct(self) -> bool:
-        """Whether there is no gear, so that its mesh efficiency is 1."""
-        return (
-            self.gear_ratio is not None and self.gear_ratio.value == 1.0 and self.eta_mesh is None
-        )
-
-
-class Generator(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Permanent-magnet machine and its diode bridge."""
-
-    pole_pairs: Annotated[Quantity | None, Measure("number")] = None
-    k_e: Annotated[Quantity | None, Measure("back_emf", Positive)] = None
-    r_s: Annotated[Quantity | None, Measure("resistance")] = None
-    l_s: Annotated[Quantity | None, Measure("inductance")] = None
-    v_diode: Annotated[Quantity | None, Measure("voltage")] = None
-    speed_rated: Annotated[Quantity | None, Measure("rotation")] = None
-    i_rated: Annotated[Quantity | None, Measure("current")] = None
-
-
-_LoadPercent = Annotated[float, Meta(ge=0.0, lt=1e9)]
-
-
-class DcLink(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Capacitor, bleed resistance and load behind the bridge.
-
-    The uncertainty of a load is one standard uncertainty or the +- limits of its maker, in percent
-    of the load.
-    """
-
-    c_dc: Annotated[Quantity | None, Measure("capacitance")] = None
-    r_bleed: Annotated[Quantity | None, Measure("resistance")] = None
-    load_u_percent: _LoadPercent = 0.0
-    load_limits_percent: _LoadPercent = 0.0
-
-    def __post_init__(self) -> None:
-        """Reject two uncertainties of a load: ValueError."""
-        if self.load_u_percent and self.load_limits_percent:
-            raise ValueError(
-                "load_u_percent and load_limits_percent are both there; expected one of them."
-            )
-
-    @property
-    def load_u(self) -> float:
-        """Standard uncertainty of a load as a share of it; limits are those of a rectangular
-        distribution. [1]
-        """
-        return (self.load_u_percent + self.load_limits_percent / math.sqrt(3.0)) / 100.0
-
-
 class Thresholds(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What decides where a phase, a window and a finding begins. SI units; the shares are the
     published rules.
@@ -375,19 +132,19 @@ class Thresholds(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Width of the local quadratic that smooths the line velocity for detection. [s]"""
     stroke_min: Annotated[Positive, Measure("length")] = math.nan
     """Motions that travel less are no payout. [m]"""
-    reversal_max: _ShareOfAll = 0.5
+    reversal_max: ShareOfAll = 0.5
     """A reversal inside a payout takes back less than this share of it; a haul-in takes back
     more. [1]
     """
-    creep_max: _Share = 0.1
+    creep_max: Share = 0.1
     """A motion apart that stays below this share of the payout's top speed is crane creep. [1]"""
-    aborted_below: _Share = 0.5
+    aborted_below: Share = 0.5
     """A payout that travels less than this share of the median is an aborted one (not with
     window `payout`). [1]
     """
-    plateau_quantile: _Share = 0.99
-    plateau_band: _Share = 0.90
-    plateau_level: _Share = 0.98
+    plateau_quantile: Share = 0.99
+    plateau_band: Share = 0.90
+    plateau_level: Share = 0.98
     plateau_hold: Annotated[Positive, Measure("time")] = math.nan
     """The plateau begins where the velocity stays above its level for this long. [s]"""
     settle: Annotated[NotNegative, Measure("time")] = math.nan
@@ -458,17 +215,6 @@ class StatedEffect(msgspec.Struct, frozen=True):
     def table(self, name: str) -> str:
         """Name of its table in the rig file."""
         return f"sensors.errors.{name}" if self.of_a_sensor else f"effects.{name}"
-
-
-@cache
-def measures(kind: type[msgspec.Struct]) -> dict[str, Measure]:
-    """What the numbers of a part of a rig measure, by their names."""
-    return {
-        f.name: note
-        for f in struct_fields(kind)
-        for note in get_args(f.type)
-        if isinstance(note, Measure)
-    }
 
 
 def _is_stated(value: object) -> bool:

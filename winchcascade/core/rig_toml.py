@@ -18,23 +18,18 @@ from msgspec.structs import replace
 from winchcascade.core.cascade import read_cascade
 from winchcascade.core.channels import CHANNELS, Channel
 from winchcascade.core.errors import RigError, check_type
+from winchcascade.core.machine_parts import Generator, Measure, Restoring, measures
+from winchcascade.core.number_types import Finite, NotNegative, Positive
 from winchcascade.core.quantity import Calibrated, Quantity, Unit, find_unit, read_as
 from winchcascade.core.rig_file import (
     PARTS,
     Column,
     EffectNumber,
-    Finite,
-    Generator,
-    Measure,
-    NotNegative,
-    Positive,
-    Restoring,
     Rig,
     Sensor,
     StatedEffect,
     StatedLaw,
     Thresholds,
-    measures,
 )
 from winchcascade.core.toml_file import Table, check_keys, convert, read_toml, shown, toml_values
 

@@ -53,7 +53,8 @@ FindingKind = Literal[
     "coarse_resolution", "clock_mismatch", "channel_lag", "zero_offset", "gain_step", "gain_mismatch", "stroke_mismatch",
     "repeated_log",
     "window_beyond_payout", "phase_source", "unit_conflict", "speed_mismatch", "efficiency_change",
-    "efficiency_above_one", "origin_conflict", "dead_channel", "sign_mismatch", "listed_in_parts", "thresholds_assumed",
+    "efficiency_above_one", "origin_conflict", "dead_channel", "sign_mismatch", "listed_in_parts", "loggers_aligned",
+    "thresholds_assumed",
 ]  # fmt: skip
 
 CLOCK = "clock"

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
@@ -195,6 +195,11 @@ def fingerprint(path: str | Path) -> str:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError:
         return ""
+
+
+def joint_digest(digests: Sequence[str]) -> str:
+    """Digest of several files together, by those of each; that of a single file is its own."""
+    return digests[0] if len(digests) == 1 else digest_of(" ".join(digests).encode())
 
 
 def altered(folder: Path, digests: Mapping[str, str]) -> list[str]:

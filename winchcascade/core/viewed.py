@@ -5,7 +5,7 @@ answer, and types of signatures that are imported late.
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -32,33 +32,27 @@ class LateModule:
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib import axes
 else:
-    pd, axes = LateModule("pandas"), LateModule("matplotlib.axes")
-
-Units = Literal["si", "display"]
-"""Units of a frame: `si` as in the JSON; `display` as in the reports: efficiencies in percent,
-pressures in kg/cm2, speeds of shafts in rpm, flows in L/min, and the numbers of causes in their own
-units."""
+    pd = LateModule("pandas")
 
 
 class Viewed(msgspec.Struct, frozen=True):
-    """A result with tables and plots, each of which has a name; the first one is given where
+    """A result with tables and pictures, each of which has a name; the first one is given where
     none is named.
     """
 
-    def to_pandas(self, table: str = "", units: Units = "si") -> pd.DataFrame:
+    def to_pandas(self, table: str = "") -> pd.DataFrame:
         """One table as a frame with units in the names of its columns, or in a column of their
         own.
         """
-        found: pd.DataFrame = public("frame")(self, table, units)
+        found: pd.DataFrame = public("frame")(self, table)
         return found
 
-    def plot(self, what: str = "", ax: axes.Axes | None = None) -> Any:
-        """Draw on new Axes, or on a given one alone; gives the Axes, of a plot with several an
-        array of them.
+    def plot(self, what: str = "") -> Any:
+        """A picture of the report of the result, which a notebook shows; its `figure` is that of
+        Matplotlib.
         """
-        return public("plot")(self, what, ax)
+        return public("plot")(self, what)
 
     def _repr_html_(self) -> str:
         """The main table, for notebooks."""

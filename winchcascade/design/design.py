@@ -152,23 +152,26 @@ class Explanation:
     posterior and of its laws.
 
     `moved` are the best model and it moved along every direction of the posterior, `repaired` the
-    same without each effect that acts, and `each` are `moved` and the best models without each
-    effect.
+    same without each effect that acts, `laws` how well the law of each is known [1], and `each` are
+    `moved` and the best models without each effect.
     """
 
     def __init__(self, posterior: RigPosterior) -> None:
         self.moved, self.weight = posterior.models(), posterior.weight
-        acting = [one.effect.name for one in posterior.effects if one.effect.entry is None]
-        self.repaired = {name: posterior.models(name) for name in acting}
+        self.laws = {
+            one.effect.name: max(LAW, one.effect.law_u)
+            for one in posterior.effects
+            if one.effect.entry is None
+        }
+        self.repaired = {name: posterior.models(name) for name in self.laws}
         self.each = [*self.moved, *(models[0] for models in self.repaired.values())]
 
     def u(self, found: Signal) -> Signal:
         """Standard uncertainty of what `each` gives, (models, ...): by the posterior and by the
         laws of the effects.
         """
-        change = found[1:] - found[0]
-        change[len(self.moved) - 1 :] *= LAW
-        return np.asarray(np.linalg.norm(change, axis=0))
+        known = np.array([*np.ones(len(self.moved) - 1), *self.laws.values()])
+        return np.asarray(np.linalg.norm((found[1:] - found[0]).T * known, axis=-1).T)
 
 
 class CorrectedRig:
@@ -242,7 +245,8 @@ class CorrectedRig:
             each = {}
             for one, without, within in zip(several, repaired, acting, strict=True):
                 own = per * (without - within)[:, :, PLACE[quantity]] @ weights
-                each[one] = own[0], np.hypot(np.linalg.norm(own[1:] - own[0]), LAW * own[0])
+                law = one.laws[name] * own[0]
+                each[one] = own[0], np.hypot(np.linalg.norm(own[1:] - own[0]), law)
             nothing = np.float64(0.0), np.float64(0.0)
             value, low, high = self._mixture(
                 [each.get(one, nothing) for one in self.explanations]

@@ -24,21 +24,23 @@ from winchcascade.design.operating import (
     points,
     require_positive,
 )
-from winchcascade.diagnosis.explain.planned_run import RAMP
-from winchcascade.diagnosis.explain.planning import (
-    CLEAR,
+from winchcascade.diagnosis.explain.planned_run import (
+    RAMP,
     SEED,
-    Explanation,
-    Foreseen,
     PlannedRun,
     Prospect,
     Setting,
+    prospect_of,
+)
+from winchcascade.diagnosis.explain.planning import (
+    CLEAR,
+    Explanation,
+    Foreseen,
     explanation_of,
     foresee,
     foresee_pair,
     listed,
     options_after,
-    prospect_of,
 )
 from winchcascade.diagnosis.fit.suspects import freedom, with_values
 from winchcascade.diagnosis.handover.posterior import OF_THE_RIG, RigPosterior, posterior_of_rig
@@ -50,7 +52,7 @@ from winchcascade.rig.steps import RESOLVED, rate_of_the_rotor
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.diagnosis.explain.planning import Place
+    from winchcascade.diagnosis.explain.planned_run import Place
     from winchcascade.diagnosis.fit.suspects import Suspects
 
 MOST = 12

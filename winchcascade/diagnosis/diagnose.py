@@ -49,7 +49,7 @@ from winchcascade.diagnosis.fit.entries import bound_to
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.nuisances import before_calibration
 from winchcascade.diagnosis.fit.rig_problem import RigProblem
-from winchcascade.diagnosis.fit.search import Found, search, weighing
+from winchcascade.diagnosis.fit.search import Found, gone_on, search, weighing
 from winchcascade.diagnosis.fit.undetermined import Direction, alike, undetermined
 from winchcascade.diagnosis.judge.alarms import SIGNS, Judged, moved_by, ringing
 from winchcascade.diagnosis.judge.causes import (
@@ -78,7 +78,13 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.fit.suspects import Suspects
+    from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
     from winchcascade.rig.effects.effect import ActiveEffect
+
+LEADS_ON = 0.3
+"""Derivatives of another place serve in the search of a set, which leads on, if they miss no more
+than this share of the way from there. [1]
+"""
 
 
 class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
@@ -92,7 +98,7 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     with the model. `thresholds` are how large each effect would have to be to be named, where none
     is, and `not_visible` those that these logs would not show at any plausible size. `singles` are
     the effects that alone have the most evidence, `undetermined` directions of the numbers of the
-    rig that no log shows.
+    rig that no log shows. `by_laws` are the laws of its stages beside it, where they are wanted.
     """
 
     data: Fitted
@@ -109,6 +115,7 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     not_visible: Names = ()
     singles: tuple[SingleEffect, ...] = ()
     undetermined: tuple[Direction, ...] = ()
+    by_laws: StageDiagnosis | None = None
 
     @property
     def judged(self) -> Judged:
@@ -183,14 +190,16 @@ def diagnose(
             "[columns]."
         )
     directions = undetermined(data)
-    problem = RigProblem(data, suspects, exclusive=alike(directions, suspects))
-    found = search(problem, on_progress)
+    problem = RigProblem(data, suspects, alike(directions, suspects))
+    found = search(msgspec.structs.replace(problem, serves=LEADS_ON), on_progress)
     calmed = data.with_ramps(
         data.measured - data.predict(found.best.nu, found.best.effects(suspects))
     )
     if calmed is not None:
         data = calmed
         found = search(msgspec.structs.replace(problem, data=data), on_progress, found.best)
+    else:
+        found = gone_on(found.exactly(problem), on_progress)
     held_out = HeldOut(data, seed)
     found = concluded(data, found, held_out, on_progress)
     nothing = np.zeros(len(data.nuisances))

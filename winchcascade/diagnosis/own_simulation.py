@@ -21,9 +21,22 @@ from winchcascade.core.errors import LogError
 from winchcascade.core.quantity import UNITS, unit_names
 from winchcascade.core.scales import motion_of_runs
 from winchcascade.core.smooth import local_quadratic
-from winchcascade.diagnosis.diagnosis_result import ModelForm, OwnSimulation, Place, Spot
-from winchcascade.diagnosis.explain.contributions import from_own_simulation, without
+from winchcascade.diagnosis.diagnosis_result import (
+    Contribution,
+    ContributionPart,
+    ModelForm,
+    OwnSimulation,
+    Place,
+    Spot,
+)
+from winchcascade.diagnosis.explain.contributions import without
 from winchcascade.diagnosis.explain.gap_map import STAGE_OF, compare, locate
+from winchcascade.diagnosis.explain.windowed import (
+    QUANTITIES,
+    complete_cycles,
+    quantities_of,
+    windows_of,
+)
 from winchcascade.diagnosis.fit.block_means import PHASES, Blocks, blocks_of
 from winchcascade.diagnosis.fit.fitted_log import means_over
 from winchcascade.diagnosis.fit.misfit import Fitted
@@ -376,3 +389,57 @@ def _changes(data: Fitted, change: Signal, places: Sequence[Place]) -> list[tupl
         for log, k, phase, here in data.cells()
         if (at := (log, CHANNELS[k], PHASES[phase])) in by_place and top[log, k] > 0.0
     ]
+
+
+def from_own_simulation(
+    contributions: Sequence[Contribution],
+    data: Fitted,
+    simulations: Sequence[Run],
+    windows: Sequence[float | None] | None = None,
+) -> tuple[Contribution, ...]:
+    """Contributions that lead from an own simulation to the runs: what the model of the rig has
+    beyond it is a part, too.
+
+    Parameters
+    ----------
+    contributions : from the model of the rig file, as `contributions_of` gives them
+    simulations : of each run, at the stamps of its log
+    windows : as for `contributions_of`
+    """
+    settings = zip(
+        data.logs, simulations, windows or [None] * len(data.logs), data.cycles, strict=True
+    )
+    given = {
+        (number, quantity): float(value)
+        for number, (log, simulation, window, span) in enumerate(settings)
+        for quantity, value in zip(
+            QUANTITIES,
+            quantities_of(
+                _along(log.run, simulation),
+                data.rig,
+                windows_of(complete_cycles(log.run, data.rig, window, span)),
+            ),
+            strict=True,
+        )
+    }
+    return tuple(_from(one, given[one.log, one.metric]) for one in contributions)
+
+
+def _along(run: Run, simulation: Run) -> Run:
+    """A log with the channels of its simulation, so that both have the same windows; without
+    those that either lacks.
+    """
+    both = {name: x for name, x in simulation.channels.items() if name in run.channels}
+    return msgspec.structs.replace(run, channels=both | {"velocity": run.channels["velocity"]})
+
+
+def _from(one: Contribution, given: float) -> Contribution:
+    """A contribution from another value than that of the rig file; the difference becomes a part
+    before the residual.
+    """
+    if not one.parts or not math.isfinite(given):
+        return msgspec.structs.replace(one, as_given=math.nan, measured=math.nan, parts=())
+    *parts, residual = one.parts
+    form = one.as_given - given
+    parts.append(ContributionPart(None, "model_form", form, form, form))
+    return msgspec.structs.replace(one, as_given=given, parts=(*parts, residual))

@@ -21,27 +21,26 @@ _READERS = {
     b"\x1f\x8b": "archive",
     b"\xd0\xcf\x11\xe0": "excel",
     b"MATLAB ": "mat",
-    b"\x89HDF": "mat",
+    b"\x89HDF": "netcdf",
+    b"CDF\x01": "netcdf",
+    b"CDF\x02": "netcdf",
 }
 """Readers by first bytes: a module `formats.NAME` with a function `open_NAME`, or `read_NAME`
 where it is isolated.
 """
 
-_ISOLATED = {"excel", "mat"}
+_ISOLATED = {"excel", "mat", "netcdf"}
 """Readers that run in a process of their own."""
 
-_SEVERAL_TABLES = {"excel", "mat", "tdms"}
+_SEVERAL_TABLES = {"excel", "mat", "netcdf", "tdms"}
 _NAMELESS = {"excel", "text"}
 """Readers of files that may hold several tables, and of columns without names where the rig file
 numbers them.
 """
 
-_NETCDF = ("a NetCDF file", "by `xarray.open_dataset(...).to_dataframe().to_csv(...)`")
 _FEATHER = ("a Feather file", "by `pandas.read_feather(...).to_parquet(...)`")
 _UNREADABLE = {
-    b"CDF\x01": _NETCDF,
-    b"CDF\x02": _NETCDF,
-    b"CDF\x05": _NETCDF,
+    b"CDF\x05": ("a NetCDF file of 64 bit data", "by `nccopy -k nc4`, which makes NetCDF 4"),
     b"MDF ": ("an MDF measurement (MF4)", "by `asammdf.MDF(...).export('csv')`"),
     b"ARROW1": _FEATHER,
     b"FEA1": _FEATHER,
@@ -138,8 +137,8 @@ def reader_of(path: Path) -> str:
     for magic, (what, export) in _UNREADABLE.items():
         if head.startswith(magic):
             raise LogError(
-                f"{path.name}: is {what}, not a log; expected CSV, TDMS, MATLAB, Parquet or "
-                f"Excel; export the log {export}."
+                f"{path.name}: is {what}, not a log; expected CSV, TDMS, MATLAB, NetCDF, "
+                f"Parquet or Excel; export the log {export}."
             )
     if head.startswith((b"PK\x03\x04", b"PK\x05\x06")):  # also an empty one
         return "excel" if _WORKBOOK.match(head, _ZIP_NAME) else "archive"

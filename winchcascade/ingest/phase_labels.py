@@ -8,8 +8,9 @@ import numpy as np
 
 from winchcascade.core.errors import LogError
 from winchcascade.core.log_thresholds import completed, log_scales
+from winchcascade.core.phase_rule import PhaseRule
 from winchcascade.core.plain_text import first_of
-from winchcascade.core.rig_file import PhaseRule, Rig
+from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Finding, Signal
 from winchcascade.ingest.assign import named_column, near_columns
 from winchcascade.ingest.checks.quality import Checked

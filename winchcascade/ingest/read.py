@@ -87,8 +87,8 @@ def read_run(
 
     Parameters
     ----------
-    path : CSV of any dialect, LabVIEW's .lvm, TDMS, MATLAB .mat, Parquet or Excel; the content
-        decides which. Or a DataFrame with the columns of a log and its clock in a column or the
+    path : CSV of any dialect, LabVIEW's .lvm, TDMS, MATLAB .mat, NetCDF, Parquet or Excel; the
+        content decides which. Or a DataFrame with the columns of a log and its clock in a column or the
         index; it is not changed
     rig : the rig whose sensors and columns are expected; by default that of the campaign, else the
         paper's, as assumed. The run keeps it for `reduce`.
@@ -178,6 +178,12 @@ def read_by(
     """
     if isinstance(log, Path):
         run = _read_unchanged(log, settings, simulated=simulated)
+        if settings.beside:
+            from winchcascade.ingest.two_loggers import joined
+
+            alone = replace(settings, sheet=None)
+            others = [_read_unchanged(one, alone, simulated=simulated) for one in settings.beside]
+            run = joined([run, *others], settings.rig)
     else:
         from winchcascade.ingest.formats.data_frame import frame_digest, open_frame
 

@@ -24,7 +24,7 @@ MIN_ROWS = 10
 """A table with fewer rows than this is a list of parameters or results: it shows no motion."""
 
 LOG_ENDINGS = frozenset(
-    "csv tsv txt dat asc log lvm tdms mat parquet pq xlsx xls xlsm xlsb ods".split()
+    "csv tsv txt dat asc log lvm tdms mat nc parquet pq xlsx xls xlsm xlsb ods".split()
 )
 """Endings of files that are taken for logs among others; the reader is chosen by their content."""
 

@@ -12,7 +12,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from winchcascade.core.integrate import largest, median
-from winchcascade.core.rig_file import PhaseRule, Rig
+from winchcascade.core.phase_rule import PhaseRule
+from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Finding, Run
 from winchcascade.reduction.phase_sources import find_steps, find_waves, smoothed_motion
 from winchcascade.reduction.phased_run import PhasedRun

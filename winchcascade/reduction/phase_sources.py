@@ -17,7 +17,8 @@ from msgspec.structs import replace
 
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import GAUSS, median, quantile
-from winchcascade.core.rig_file import PhaseRule, Rig, Thresholds
+from winchcascade.core.phase_rule import PhaseRule
+from winchcascade.core.rig_file import Rig, Thresholds
 from winchcascade.core.run import Mask, Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.reduction.gap_error import all_gaps, gap_limits

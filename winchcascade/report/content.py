@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Generic, Literal, NamedTuple, TypeGuard, TypeVar
 
 import msgspec
@@ -25,14 +26,11 @@ Tone = Literal["plain", "good", "warn"]
 class Measured(NamedTuple):
     """A value with its standard uncertainty, which decides its digits; shown with it where `both`,
     with a plus where `signed`.
-
-    `alone`: it has decimals of its own in a column whose other numbers have theirs in common.
     """
 
     value: float | None
     u: float | None = None
     both: bool = False
-    alone: bool = False
     signed: bool = False
 
 
@@ -100,29 +98,13 @@ def shown(cell: Cell, decimals: int | None = None, *, signed: bool = False) -> s
     return " to ".join(ends) if ends != ["-", "-"] else "-"
 
 
-def common_places(cells: Iterable[Cell]) -> int | None:
-    """Decimals of a column: those of its median uncertainty, of two in the middle the smaller one;
-    None without any.
-
-    >>> common_places([Measured(1439.0, 61.8), Measured(904.4, 14.5), Measured(488.4, 4.8), "text"])
-    0
-    """
-    weighed = [
-        cell
-        for cell in cells
-        if isinstance(cell, Span) or (isinstance(cell, Measured) and not cell.alone)
-    ]
-    allowed = sorted(places(cell.u) for cell in weighed if known(cell.u))
-    return allowed[len(allowed) // 2] if allowed else None
-
-
 # ----------------------------------------------------------------------------------------- tables
 class Column(msgspec.Struct, Generic[T], frozen=True):
-    """Column of a table: name, what its cell is for the item of a row, unit, and decimals.
+    """Column of a table: name, what its cell is for the item of a row, unit, and the decimals of
+    numbers whose uncertainty is unknown; four significant digits without any.
 
-    `brief` ones stand in a terminal too. `signed` numbers above zero have a plus. `own_digits`:
-    rows differ in quantity or unit, so that each number has its own decimals. `link` is the address
-    that a cell leads to on a page.
+    `brief` ones stand in a terminal too. `signed` numbers above zero have a plus. `link` is the
+    address that a cell leads to on a page.
     """
 
     name: str
@@ -131,27 +113,11 @@ class Column(msgspec.Struct, Generic[T], frozen=True):
     decimals: int | None = None
     brief: bool = True
     signed: bool = False
-    own_digits: bool = False
     link: Callable[[T], str] | None = None
 
-    def texts(self, cells: Sequence[Cell]) -> list[str]:
-        """Cells as they are shown, with decimals in common."""
-        common = None if self.own_digits else common_places(cells)
-        return [self._text(cell, common) for cell in cells]
-
-    def _text(self, cell: Cell, common: int | None) -> str:
-        if (
-            common is None
-            or not isinstance(cell, Measured | Span)
-            or (isinstance(cell, Measured) and cell.alone)
-        ):
-            return shown(cell, self.decimals, signed=self.signed)
-        text = shown(cell._replace(u=None), common, signed=self.signed)
-        return (
-            f"{text} +- {number_text(cell.u, common)}"
-            if isinstance(cell, Measured) and cell.both and known(cell.u)
-            else text
-        )
+    def text(self, cell: Cell) -> str:
+        """A cell as it is shown."""
+        return shown(cell, self.decimals, signed=self.signed)
 
 
 class Table(msgspec.Struct, Generic[T], frozen=True):
@@ -179,9 +145,10 @@ class Table(msgspec.Struct, Generic[T], frozen=True):
     @property
     def texts(self) -> list[list[str]]:
         """Rows as they are shown, all of them."""
-        rows = self.cells
-        columns = [column.texts([row[k] for row in rows]) for k, column in enumerate(self.columns)]
-        return [list(row) for row in zip(*columns, strict=True)]
+        return [
+            [column.text(cell) for column, cell in zip(self.columns, row, strict=True)]
+            for row in self.cells
+        ]
 
     @property
     def left(self) -> list[bool]:
@@ -266,9 +233,13 @@ def table(
 
 PAIRS: tuple[Column[tuple[str, Cell]], ...] = (
     Column("Item", lambda row: row[0]),
-    Column("Value", lambda row: row[1], own_digits=True),
+    Column("Value", lambda row: row[1]),
 )
 """Columns of a table of two texts."""
+
+
+PROVENANCE = "provenance"
+"""Name of the section, and of its table, that states where every number comes from."""
 
 
 # ------------------------------------------------------------------------------- the other blocks
@@ -283,42 +254,77 @@ class Note(msgspec.Struct, frozen=True):
     brief: bool = True
 
 
-class Picture(msgspec.Struct, frozen=True):
-    """A figure, its caption, and what it shows in words; `histories` is the JSON of an
-    interactive one (`render/page.py`).
+class Picture(msgspec.Struct, frozen=True, dict=True):
+    """A figure, its caption, and what it shows in words.
+
+    Parameters
+    ----------
+    draw : makes the figure when a renderer needs it, within the style of figures; None where there
+        is nothing to draw
+    histories : makes the JSON of an interactive one (`render/page.py`), which always has a figure
     """
 
     id: str
     caption: str
     alt: str
-    figure: Figure
-    histories: str = ""
+    draw: Callable[[], Figure | None]
+    histories: Callable[[], str] | None = None
 
+    @cached_property
+    def figure(self) -> Figure | None:
+        """The figure, drawn once."""
+        from winchcascade.report.figures.style import house_style
 
-def picture(
-    figure: Figure | None, name: str, caption: str, alt: str, histories: str = ""
-) -> Picture | None:
-    """A figure as a block; None for none."""
-    return None if figure is None else Picture(name, caption, alt, figure, histories)
+        with house_style():
+            return self.draw()
+
+    def _repr_svg_(self) -> str:
+        """The figure, for notebooks."""
+        from winchcascade.report.render.drawing import drawn
+
+        return drawn(self.figure).decode()
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing to draw."""
+        return self.histories is None and self.figure is None
 
 
 Block = Table[Any] | Picture | Note
 
 
-class Section(msgspec.Struct, frozen=True):
+Blocks = Sequence[Block | None]
+
+
+class Section(msgspec.Struct, frozen=True, dict=True):
     """A heading and what stands under it; a `folded` one is opened by the reader, and open in
     print.
+
+    `parts` may be what makes them, which is called when a page or a file needs them: nothing of
+    such a section stands in a terminal.
     """
 
     id: str
     heading: str
-    blocks: Sequence[Block]
+    parts: Blocks | Callable[[], Blocks]
     folded: bool = False
+
+    @cached_property
+    def blocks(self) -> list[Block]:
+        """The parts that there are."""
+        parts = self.parts() if callable(self.parts) else self.parts
+        return [block for block in parts if block is not None]
+
+    @property
+    def brief(self) -> list[Note | Table[Any]]:
+        """What stands in a terminal too."""
+        blocks = [] if callable(self.parts) else self.blocks
+        return [one for one in blocks if isinstance(one, Note | Table) and one.brief]
 
 
 def section(name: str, heading: str, *blocks: Block | None, folded: bool = False) -> Section:
     """A section of the blocks that there are."""
-    return Section(name, heading, [block for block in blocks if block is not None], folded)
+    return Section(name, heading, blocks, folded)
 
 
 class Tile(msgspec.Struct, frozen=True):
@@ -363,11 +369,25 @@ class Report(msgspec.Struct, frozen=True):
         return [point for point in self.points if point is not None and point.text]
 
     @property
-    def filled(self) -> list[Section]:
-        """The sections that have blocks."""
-        return [one for one in self.sections if one.blocks]
-
-    @property
     def blocks(self) -> list[Block]:
         """All blocks, in order."""
         return [block for one in self.sections for block in one.blocks]
+
+    @property
+    def pictures(self) -> list[Picture]:
+        """All pictures, in order."""
+        lead = [] if self.lead is None else [self.lead]
+        return [*lead, *(block for block in self.blocks if isinstance(block, Picture))]
+
+    def illustrated(self) -> Report:
+        """The report with its figures drawn, without pictures of nothing and empty sections."""
+        empty = {id(one) for one in self.pictures if one.is_empty}
+        kept = [
+            Section(one.id, one.heading, [b for b in one.blocks if id(b) not in empty], one.folded)
+            for one in self.sections
+        ]
+        return msgspec.structs.replace(
+            self,
+            lead=None if id(self.lead) in empty else self.lead,
+            sections=[one for one in kept if one.blocks],
+        )

@@ -5,7 +5,7 @@ logs; as plain texts.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
 
@@ -26,7 +26,7 @@ from winchcascade.report.content import number_text, places
 from winchcascade.report.glossary import CHANNELS, PHASES, STAGE_PLACES
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.catalogue import EFFECTS
-from winchcascade.rig.effects.effect import Display
+from winchcascade.rig.effects.effect import Display, Effect
 
 UNDETERMINED = "not determined by these logs"
 """In place of the interval of a number of which the logs tell little."""
@@ -36,6 +36,31 @@ INTERVAL_WIDTH = 2.0 * COVERED
 
 NAMES = {name: term.label for name, term in CHANNELS.items()}
 """Channels of a diagnosis."""
+
+
+# ------------------------------------------------------------------------------- names of effects
+def called(name: str, suspects: Mapping[str, Effect] = EFFECTS) -> str:
+    """An effect as every text calls it: its label, and its identifier in brackets, which a page
+    sets small.
+
+    Parameters
+    ----------
+    suspects : those of the diagnosis, which may be more than the effects of the catalogue
+
+    Examples
+    --------
+    >>> called("copper_heating"), called("load_entry(r9ohm.csv)"), called("unknown")
+    ('Stator resistance (copper_heating)', 'Load of a run (load_entry(r9ohm.csv))', 'unknown')
+    """
+    effect = suspects.get(name) or EFFECTS.get(effect_name(name))
+    return name if effect is None else f"{effect.label} ({name})"
+
+
+def call_all(
+    names: Iterable[str], suspects: Mapping[str, Effect] = EFFECTS, between: str = ", "
+) -> str:
+    """Several effects as texts call them."""
+    return between.join(called(name, suspects) for name in names)
 
 
 # ----------------------------------------------------------------------------- numbers of effects
@@ -220,7 +245,8 @@ def about_words(about: About, files: Sequence[str], names: Mapping[str, str] = N
     if not isinstance(about, Spot):
         return nuisance_words(about, files) if names else str(about)
     if about.effects:
-        return " and ".join(about.effects) + (f" in {about.channel}" if about.channel else "")
+        effects = call_all(about.effects, between=" and ") if names else " and ".join(about.effects)
+        return effects + (f" in {about.channel}" if about.channel else "")
     if about.run is not None:
         return f"{about.channel} in {phase_words(about.phase or '')} of {files[about.run]}"
     return spot_words(about, names)
@@ -278,8 +304,3 @@ def has_own_simulation(found: DiagnosisResult) -> bool:
 def baseline_words(found: DiagnosisResult) -> str:
     """What the logs are compared with, as in a legend."""
     return "your simulation" if has_own_simulation(found) else "model of the rig file"
-
-
-def set_words(names: Sequence[str]) -> str:
-    """A set of suspects."""
-    return " + ".join(names) if names else "none: no loss"

@@ -2,77 +2,45 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
-from winchcascade.core.cascade import Cascade, field_of
+from winchcascade.core.cascade import field_of
 from winchcascade.core.channels import CHANNELS, Channel
-from winchcascade.core.quantity import KGCM2, si_unit
+from winchcascade.core.quantity import si_unit
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Run
-from winchcascade.core.viewed import Units
 from winchcascade.reduction.run_record import reduction_record
-from winchcascade.report.flat_rows import RUN_ENDS, Row, finding_rows, table_rows, table_schema
+from winchcascade.report.flat_rows import Row, finding_rows, table_rows, table_schema
 
 if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
     from winchcascade.comparison.comparison_result import Comparison
-    from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause
+    from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
     from winchcascade.reduction.campaign_record import CampaignReduction
     from winchcascade.reduction.reduction_result import Reduction
     from winchcascade.rig.simulate import Simulation
 
 _PARAMETER = ("value", "low", "high")
-_PLACE = ("bias", "rms", "noise", "u_noise", "u_repeat", "u_tolerance")
-_DIFFERENCE = (
-    "a",
-    "b",
-    "difference",
-    "low_95",
-    "high_95",
-    "standard_uncertainty",
-    "repeatability",
-    "sensors",
-)
 
 
-def reduction_frame(reduction: Reduction, table: str, units: Units) -> pd.DataFrame:
+def reduction_frame(reduction: Reduction, table: str) -> pd.DataFrame:
     """Cycles, bins of generator speed, or findings of a reduction."""
     rows = table_rows(reduction.run.name, reduction_record(reduction))[table]
-    return _of_table(table, rows, [reduction.rig.cascade], units)
+    return _frame(rows, table_schema(table, cascades=[reduction.rig.cascade]))
 
 
-def campaign_frame(campaign: CampaignReduction, table: str, units: Units) -> pd.DataFrame:
+def campaign_frame(campaign: CampaignReduction, table: str) -> pd.DataFrame:
     """The runs of a campaign, or the cycles, bins or findings of all of them."""
     rows = [
         row for name, record in campaign.records.items() for row in table_rows(name, record)[table]
     ]
-    return _of_table(table, rows, campaign.cascades, units)
-
-
-def _of_table(
-    table: str, rows: list[Row], cascades: Iterable[Cascade], units: Units
-) -> pd.DataFrame:
-    """Rows as a frame; efficiencies in percent for display, as deviations are already."""
-    found = _frame(rows, table_schema(table, cascades=cascades))
-    if units == "si":
-        return found
-    ratios = [
-        name
-        for name in found.columns
-        if name.startswith("eta_") and not name.endswith(RUN_ENDS[-1])
-    ]
-    ends = {name: next((end for end in RUN_ENDS[1:] if name.endswith(end)), "") for name in ratios}
-    found[ratios] = 100.0 * found[ratios]
-    return found.rename(
-        columns={name: f"{name.removesuffix(end)}_percent{end}" for name, end in ends.items()}
-    )
+    return _frame(rows, table_schema(table, cascades=campaign.cascades))
 
 
 def _frame(rows: list[Row], schema: pa.Schema) -> pd.DataFrame:
@@ -83,25 +51,7 @@ def _frame(rows: list[Row], schema: pa.Schema) -> pd.DataFrame:
     return found
 
 
-_DISPLAY = {
-    "Pa": ("kg/cm2", 1.0 / KGCM2),
-    "rad/s": ("rpm", 30.0 / math.pi),
-    "m3/s": ("L/min", 6e4),
-}
-"""Units that are shown in place of those of SI, with the factor to them."""
-
-_SHORT = {"kg/cm2": "kgcm2", "L/min": "lpm", "1": ""}
-"""Units in names of columns that are not their letters alone."""
-
-
-def _shown(unit: str, units: Units) -> tuple[str, float]:
-    """The unit in which numbers are given, and the factor from that of SI."""
-    return _DISPLAY.get(unit, (unit, 1.0)) if units == "display" else (unit, 1.0)
-
-
-def run_frame(
-    run: Run, units: Units = "si", channels: Mapping[str, Channel] = CHANNELS
-) -> pd.DataFrame:
+def run_frame(run: Run, channels: Mapping[str, Channel] = CHANNELS) -> pd.DataFrame:
     """Stamps [s] and channels of a log after the checks, a row for each sample.
 
     Parameters
@@ -112,18 +62,18 @@ def run_frame(
 
     columns = {"time_s": run.t}
     for name, x in run.channels.items():
-        unit, factor = _shown(si_unit(channels[name].dimension) if name in channels else "1", units)
-        short = _SHORT.get(unit, unit.lower().replace("/", "p").replace(".", ""))
-        columns[(f"{name}_{short}" if short else name)] = x * factor
+        unit = si_unit(channels[name].dimension) if name in channels else "1"
+        short = "" if unit == "1" else unit.lower().replace("/", "p").replace(".", "")
+        columns[f"{name}_{short}" if short else name] = x
     return pd.DataFrame(columns)
 
 
-def simulation_frame(found: Simulation, units: Units) -> pd.DataFrame:
+def simulation_frame(found: Simulation) -> pd.DataFrame:
     """What the sensors of a simulated log give, and what has no sensor: speed, current and
     torque of the generator.
     """
     channels = given_rig("to_pandas", None, found.run.rig).known_channels
-    return run_frame(found.run, units, channels).assign(
+    return run_frame(found.run, channels).assign(
         speed_gen_rpm=found.rpm_gen, i_s_a=found.i_s, torque_em_nm=found.torque_em
     )
 
@@ -140,7 +90,7 @@ def run_findings_frame(run: Run) -> pd.DataFrame:
     return _frame(finding_rows(run), table_schema("findings"))
 
 
-def samples_frame(reduction: Reduction, units: Units) -> pd.DataFrame:
+def samples_frame(reduction: Reduction) -> pd.DataFrame:
     """Channels and powers of the stages of every sample, its cycle and phase, and whether it lies
     in an integration window.
 
@@ -150,7 +100,7 @@ def samples_frame(reduction: Reduction, units: Units) -> pd.DataFrame:
     import pandas as pd
 
     run, rig = reduction.run, reduction.rig
-    frame = run_frame(run, units, rig.known_channels)
+    frame = run_frame(run, rig.known_channels)
     for stage in rig.cascade.stages:
         watts = stage.watts(run.channels, rig.r_drum)
         if watts is not None:
@@ -169,25 +119,22 @@ def samples_frame(reduction: Reduction, units: Units) -> pd.DataFrame:
     return frame
 
 
-def _in_unit(row: Row, names: Iterable[str], unit: str, factor: float) -> Row:
-    """A row with some of its numbers in another unit, which it states; its load as a number."""
+def _with_unit(row: Row, unit: str) -> Row:
+    """A row with the unit of its numbers; its load as a number."""
     load = row.get("load_ohm")  # inf is a text in JSON
-    scaled = {
-        name: None if row[name] is None else row[name] * factor for name in names if name in row
-    }
-    return {**row, **scaled, "unit": unit, "load_ohm": None if load is None else float(load)}
+    return {**row, "unit": unit, "load_ohm": None if load is None else float(load)}
 
 
-def _metric_unit(metric: str, units: Units) -> tuple[str, float]:
-    """Unit of a metric or of the mean of a channel, and the factor to it."""
+def _metric_unit(metric: str) -> str:
+    """Unit of a metric or of the mean of a channel."""
     if metric.startswith("eta_"):
-        return ("%", 100.0) if units == "display" else ("1", 1.0)
+        return "1"
     if metric in CHANNELS:
-        return _shown(si_unit(CHANNELS[metric].dimension), units)
-    return ("J" if metric.endswith("_j") else "W"), 1.0
+        return si_unit(CHANNELS[metric].dimension)
+    return "J" if metric.endswith("_j") else "W"
 
 
-def comparison_frame(found: Comparison, units: Units) -> pd.DataFrame:
+def comparison_frame(found: Comparison) -> pd.DataFrame:
     """A row for each difference of a comparison."""
     from winchcascade.report.results.comparison_record import difference_record
 
@@ -200,39 +147,31 @@ def comparison_frame(found: Comparison, units: Units) -> pd.DataFrame:
                 | difference_record(one)
                 | ends
             )
-            rows.append(_in_unit(row, _DIFFERENCE, *_metric_unit(row["metric"], units)))
+            rows.append(_with_unit(row, _metric_unit(row["metric"])))
     return _frame(rows, table_schema("differences"))
 
 
-def diagnosis_frame(found: DiagnosisResult, table: str, units: Units) -> pd.DataFrame:
+def diagnosis_frame(found: DiagnosisResult, table: str) -> pd.DataFrame:
     """One table of a diagnosis, in a row for each number: causes, parts of metrics, places of
     the map, causes run by run.
     """
-    from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
     from winchcascade.report.results.diagnosis_record import as_json, map_record
 
-    assert isinstance(found, ModelDiagnosis | StageDiagnosis)  # there are no others
     if table == "map":
-        places = map_record(found)
         rows = [
-            _in_unit(p, _PLACE, *_shown(si_unit(CHANNELS[p["channel"]].dimension), units))
-            for p in places
+            _with_unit(place, si_unit(CHANNELS[place["channel"]].dimension))
+            for place in map_record(found)
         ]
     elif table == "contributions":
         rows = [
-            _in_unit(
-                one | part,
-                ("as_given", "measured", *_PARAMETER),
-                *_metric_unit(one["metric"], units),
-            )
+            _with_unit(one | part, _metric_unit(one["metric"]))
             for one in as_json(found).get("contributions", [])
             for part in one["parts"] or [dict.fromkeys(("effect", "kind", *_PARAMETER))]
         ]
     else:
         parts = _numbers_of if table == "causes" else _run_by_run
         rows = [
-            _in_unit(one, _PARAMETER, *_cause_unit(found, named, one["parameter"], units))
+            _with_unit(one, named.parameters[one["parameter"]].unit)
             for cause, named in zip(as_json(found)["causes"], found.causes, strict=True)
             for one in parts(cause)
         ]
@@ -254,16 +193,3 @@ def _run_by_run(cause: Row) -> list[Row]:
         {**one, "effect": cause["effect"], "parameter": next(iter(cause["parameters"]))}
         for one in cause.get("stability", [])
     ]
-
-
-def _cause_unit(
-    found: DiagnosisResult, named: NamedCause, parameter: str, units: Units
-) -> tuple[str, float]:
-    """Unit of a number of a cause, and the factor to it from that of the JSON."""
-    unit = named.parameters[parameter].unit
-    if units == "si":
-        return unit, 1.0
-    from winchcascade.report.diagnosis_names import shown_as
-
-    how = shown_as(found, named, parameter)
-    return how.unit.strip(), how.factor

@@ -12,14 +12,14 @@ from winchcascade.core.quantity import KGCM2
 
 class Term(NamedTuple):
     """A quantity: symbol, label, unit in which it is shown, factor from SI units to that, and
-    decimals without uncertainty.
+    decimals without uncertainty, None for four significant digits.
     """
 
     symbol: str
     label: str
     unit: str = ""
     factor: float = 1.0
-    decimals: int = 0
+    decimals: int | None = None
 
 
 STAGE_PLACES = {
@@ -66,8 +66,8 @@ NET = {
 """Metrics of whole cycles."""
 
 KINDS = {
-    "energy": ("E", "energy", "J", 0),
-    "power": ("P", "mean power", "W", 0),
+    "energy": ("E", "energy", "J", None),
+    "power": ("P", "mean power", "W", None),
     "eta": ("η", "efficiency", "", 3),
 }
 """Letter, label, unit and decimals of a metric by how its name begins."""

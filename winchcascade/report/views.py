@@ -1,13 +1,12 @@
-"""Results in Python: tables as frames, plots on your own Axes or new ones, summaries for notebooks,
-and report files.
+"""Results in Python: tables as frames, pictures of their reports, summaries for notebooks, and
+report files.
 
-What a result has is registered for its class: `tables_of`, `plots_of`, `summary_of` and
-`report_of`.
+What a result has is registered for its class: `tables_of` and `report_of`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial, singledispatch
 from pathlib import Path
 from pkgutil import resolve_name
@@ -18,14 +17,15 @@ from winchcascade.core.arguments import FLAG, PATH, check_arguments
 from winchcascade.core.errors import OptionError, check_choice, reject_result
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Run
-from winchcascade.core.viewed import LateModule, Units
+from winchcascade.core.viewed import LateModule
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.diagnosis.handover.calibrate import Calibration
-from winchcascade.reduction.campaign_record import CampaignReduction, runs_by_load
+from winchcascade.reduction.campaign_record import CampaignReduction
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.report import frames
-from winchcascade.report.plots import draw, plots_of
+from winchcascade.report.content import PROVENANCE, Picture, Table
+from winchcascade.report.figures.histories import channels_drawn, history_figure, run_history
+from winchcascade.report.results.reduction_tables import findings_table
 from winchcascade.rig.simulate import Simulation
 from winchcascade.sea.sea_study import SeaStudy
 from winchcascade.tables.audit import Audit
@@ -33,17 +33,17 @@ from winchcascade.tables.check import Check
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib import axes
+    from matplotlib.figure import Figure
 
     from winchcascade.report import content
 else:
-    pd, axes = LateModule("pandas"), LateModule("matplotlib.axes")
+    pd = LateModule("pandas")
 
 Tables = Mapping[str, Callable[[], "pd.DataFrame"]]
 """What makes the tables of a result, by their names; the first is the main one."""
 
 
-def frame(result: object, table: str = "", units: Units = "si") -> pd.DataFrame:
+def frame(result: object, table: str = "") -> pd.DataFrame:
     """One table of a result as a frame, with the names and units of the written files; the first
     one if none is named.
 
@@ -51,41 +51,74 @@ def frame(result: object, table: str = "", units: Units = "si") -> pd.DataFrame:
     ------
     OptionError : the result has no such table
     """
-    if units not in ("si", "display"):
-        raise OptionError(f"to_pandas(units={units!r}): no such units; expected 'si' or 'display'.")
-    tables = tables_of(result, units)
+    tables = tables_of(result)
     table = table if table != "" else next(iter(tables))
     check_choice("to_pandas", table, list(tables), "table")
     return tables[table]()
 
 
-def plot(result: object, what: str = "", ax: axes.Axes | None = None) -> Any:
-    """Draw one plot of a result, the first one if none is named; gives the Axes, of a plot with
-    several an array of them, (n,).
+def plot(result: object, what: str = "") -> Picture:
+    """A picture of the report of a result, by its name; the first one that shows something if none
+    is named. A notebook shows it, and its `figure` is that of Matplotlib.
 
-    Parameters
-    ----------
-    ax : what is drawn on, and the most telling part of a plot with several Axes alone; new ones of
-        pyplot if not given
+    A run has its channels: `history` all of them, those of `GROUPS`, and each by its name.
 
     Raises
     ------
-    OptionError : the result has no such plot, or nothing to draw
+    OptionError : the result has no such picture, or nothing to draw in it
     """
-    plots = plots_of(result)
-    what = what if what != "" else next(iter(plots))
-    check_choice("plot", what, list(plots), "plot of this result")
-    made = plots[what]
-    if made.lacks:
-        raise OptionError(f"plot({what!r}): the result has nothing to draw; expected {made.lacks}.")
-    return draw(made, ax)
+    names = []
+    for one in _pictures_of(result):
+        names.append(one.id)
+        if what == one.id and one.is_empty:
+            raise OptionError(f"plot({what!r}): the result has nothing to draw there.")
+        if what == one.id or (what == "" and not one.is_empty):
+            return one
+    if not names:
+        raise OptionError(f"plot: {type(result).__name__} has no pictures.")
+    check_choice("plot", what, names, "picture of this result")
+    raise OptionError("plot: the result has nothing to draw.")
+
+
+def _pictures_of(result: object) -> Iterator[Picture]:
+    """Pictures of a result, made one after the other."""
+    if isinstance(result, Simulation | Run):
+        yield from _channels_of(result.run if isinstance(result, Simulation) else result)
+        return
+    report = report_of(result)
+    yield from [] if report.lead is None else [report.lead]
+    for one in report.sections:
+        yield from (block for block in one.blocks if isinstance(block, Picture))
+
+
+GROUPS = {
+    "motion": ("displacement", "velocity", "speed"),
+    "mechanical": ("force", "torque", "power_mech"),
+    "hydraulic": ("pressure", "flow"),
+    "electrical": ("vdc", "idc", "power_ac"),
+}
+"""Channels of a run that are drawn together."""
+
+
+def _channels_of(run: Run) -> Iterator[Picture]:
+    """Histories of all channels of a run, of those of a group, and of each channel."""
+    known = [name for name, *_ in channels_drawn(run, given_rig("plot", None, run.rig))]
+    groups = {group: [name for name in names if name in known] for group, names in GROUPS.items()}
+    for what, names in {"history": known, **groups, **{name: [name] for name in known}}.items():
+        if names:
+            caption = f"Channels of {run.name} over time."
+            yield Picture(what, caption, "Lines over time.", partial(_history, run, names))
+
+
+def _history(run: Run, names: Sequence[str]) -> Figure:
+    return history_figure(run_history(run, names))
 
 
 def summary_html(result: object) -> str:
     """The heading and the main table of a result as HTML without scripts; every text is escaped."""
     from winchcascade.report.render.page import table_html
 
-    return table_html(*summary_of(result))
+    return table_html(*_summary(result))
 
 
 def write_report(result: object, path: str | Path, *, force: bool = False) -> Path:
@@ -122,67 +155,67 @@ def write_report(result: object, path: str | Path, *, force: bool = False) -> Pa
 
 # ----------------------------------------------------------------------------------------- tables
 @singledispatch
-def tables_of(result: object, units: Units) -> Tables:  # noqa: ARG001
+def tables_of(result: object) -> Tables:
     """Tables of a result as frames."""
     reject_result("frame", "table", result, tables_of.registry)
 
 
 @tables_of.register(Run)
-def _(result: Run, units: Units) -> Tables:
+def _(result: Run) -> Tables:
     channels = given_rig("to_pandas", None, result.rig).known_channels
     return {
-        "channels": partial(frames.run_frame, result, units, channels),
+        "channels": partial(frames.run_frame, result, channels),
         "findings": partial(frames.run_findings_frame, result),
     }
 
 
 @tables_of.register(Reduction)
-def _(result: Reduction, units: Units) -> Tables:
+def _(result: Reduction) -> Tables:
     made = {
-        name: partial(frames.reduction_frame, result, name, units)
+        name: partial(frames.reduction_frame, result, name)
         for name in ("cycles", "bins", "findings")
     }
-    return {**made, "channels": partial(frames.samples_frame, result, units)}
+    return {**made, "channels": partial(frames.samples_frame, result)}
 
 
 @tables_of.register(CampaignReduction)
-def _(result: CampaignReduction, units: Units) -> Tables:
+def _(result: CampaignReduction) -> Tables:
     names = ("runs", "cycles", "bins", "findings", "runs_all")
-    return {name: partial(frames.campaign_frame, result, name, units) for name in names}
+    return {name: partial(frames.campaign_frame, result, name) for name in names}
 
 
 @tables_of.register(DiagnosisResult)
-def _(result: DiagnosisResult, units: Units) -> Tables:
+def _(result: DiagnosisResult) -> Tables:
     names = ("causes", "contributions", "map", "stability")
-    return {name: partial(frames.diagnosis_frame, result, name, units) for name in names}
+    return {name: partial(frames.diagnosis_frame, result, name) for name in names}
 
 
 @tables_of.register(Comparison)
-def _(result: Comparison, units: Units) -> Tables:
-    return {"differences": partial(frames.comparison_frame, result, units)}
+def _(result: Comparison) -> Tables:
+    return {"differences": partial(frames.comparison_frame, result)}
 
 
 @tables_of.register(Simulation)
-def _(result: Simulation, units: Units) -> Tables:
-    return {"channels": partial(frames.simulation_frame, result, units)}
+def _(result: Simulation) -> Tables:
+    return {"channels": partial(frames.simulation_frame, result)}
 
 
 @tables_of.register(Calibration)
-def _(result: Calibration, units: Units) -> Tables:  # noqa: ARG001  # each number has a column of its unit
+def _(result: Calibration) -> Tables:
     from winchcascade.report.results.calibration import calibration_record
 
     return _of_record(calibration_record(result), "numbers", "strained")
 
 
 @tables_of.register(Check)
-def _(result: Check, units: Units) -> Tables:  # noqa: ARG001  # cells are in the unit of their column of the table
-    from winchcascade.report.results.check_record import check_record
+def _(result: Check) -> Tables:
+    from winchcascade.report.results.checks import check_record
 
     return _of_record(check_record(result), "cells", "findings")
 
 
 @tables_of.register(Audit)
-def _(result: Audit, units: Units) -> Tables:  # noqa: ARG001  # cells are in the unit of their column of the table
+def _(result: Audit) -> Tables:
     from winchcascade.report.results.audit_record import audit_record
 
     return _of_record(
@@ -191,7 +224,7 @@ def _(result: Audit, units: Units) -> Tables:  # noqa: ARG001  # cells are in th
 
 
 @tables_of.register(SeaStudy)
-def _(result: SeaStudy, units: Units) -> Tables:  # noqa: ARG001  # each number has a column of its unit
+def _(result: SeaStudy) -> Tables:
     from winchcascade.report.results.sea_report import sea_record
 
     return _of_record(sea_record(result), "rows")
@@ -203,75 +236,18 @@ def _of_record(record: Mapping[str, object], *names: str) -> Tables:
 
 
 # -------------------------------------------------------------------------------------- summaries
-@singledispatch
-def summary_of(result: object) -> tuple[str, content.Table[Any] | None]:
-    """Heading and main table of a result."""
-    reject_result("summary_html", "summary", result, summary_of.registry)
-
-
-@summary_of.register(Reduction)
-def _(result: Reduction) -> tuple[str, content.Table[Any] | None]:
-    from winchcascade.report.results.reduction_tables import cycles_table
-
-    return repr(result), cycles_table(result, uncertainty(result))
-
-
-@summary_of.register(CampaignReduction)
-def _(result: CampaignReduction) -> tuple[str, content.Table[Any] | None]:
-    from winchcascade.report.results.campaign_tables import budget_table
-
-    return repr(result), budget_table(runs_by_load(result.summary.reduced), linked=False)
-
-
-@summary_of.register(DiagnosisResult)
-def _(result: DiagnosisResult) -> tuple[str, content.Table[Any] | None]:
-    from winchcascade.report.results.diagnosis_parts import causes_table
-
-    return f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", causes_table(result)
-
-
-@summary_of.register(Run)
-def _(result: Run) -> tuple[str, content.Table[Any] | None]:
-    from winchcascade.report.results.reduction_tables import findings_table
-
-    return repr(result), findings_table(result, result.findings)
-
-
-@summary_of.register(Simulation)
-def _(result: Simulation) -> tuple[str, content.Table[Any] | None]:
-    return repr(result), None
-
-
-@summary_of.register(Calibration)
-def _(result: Calibration) -> tuple[str, content.Table[Any] | None]:
-    from winchcascade.report.results.calibration import calibration_report
-
-    return _first_table(result, calibration_report(result))
-
-
-@summary_of.register(Audit)
-@summary_of.register(Check)
-@summary_of.register(SeaStudy)
-def _(result: Audit | Check | SeaStudy) -> tuple[str, content.Table[Any] | None]:
-    return _first_table(result, report_of(result))
-
-
-def _first_table(result: object, report: content.Report) -> tuple[str, content.Table[Any] | None]:
-    """A result in one line, and the first table of its report that does not state where the data
-    come from.
+def _summary(result: object) -> tuple[str, content.Table[Any] | None]:
+    """A result in one line, and the first table of its report that states neither findings nor
+    where the data come from; of a run its findings.
     """
-    from winchcascade.report.content import Table
-
-    blocks = [block for part in report.sections if part.id != "provenance" for block in part.blocks]
-    return repr(result), next((block for block in blocks if isinstance(block, Table)), None)
-
-
-@summary_of.register(Comparison)
-def _(result: Comparison) -> tuple[str, content.Table[Any] | None]:
-    from winchcascade.report.results.comparison import differences_table, rows_of
-
-    heading = f"{result.b.name} minus {result.a.name}: {len(result.runs)} runs"
-    return heading, differences_table("efficiencies", rows_of(result, "eta"))
+    if isinstance(result, Simulation):
+        return repr(result), None
+    if isinstance(result, Run):
+        return repr(result), findings_table(result, result.findings)
+    report = report_of(result)
+    parts = (one for one in report.sections if one.id not in ("findings", PROVENANCE))
+    tables = (block for one in parts for block in one.blocks if isinstance(block, Table))
+    return f"{report.kind}: {report.title}", next(tables, None)
 
 
 # ---------------------------------------------------------------------------------------- reports
@@ -300,12 +276,12 @@ def _late(name: str) -> Callable[..., content.Report]:
 
 for _kind, _name in {
     Audit: "audits:audit_report",
-    Calibration: "calibration:drawn_calibration",
-    CampaignReduction: "drawn_campaign:reduced_campaign",
+    Calibration: "calibration:calibration_report",
+    CampaignReduction: "campaign:reduced_campaign",
     Check: "checks:check_report",
     Comparison: "comparison:comparison_report",
     DiagnosisResult: "diagnosis:diagnosis_report",
-    Reduction: "drawn_reduction:drawn_report",
+    Reduction: "reduction:reduction_report",
     SeaStudy: "sea_report:sea_report",
     Simulation: "simulation:simulation_report",
 }.items():

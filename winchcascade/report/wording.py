@@ -13,7 +13,8 @@ from winchcascade.core.plain_text import first_of
 from winchcascade.reduction.efficiency import NET_METRICS
 from winchcascade.reduction.timing import TIMING
 from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, Budget, shares
-from winchcascade.report.glossary import CHANNELS, SENSORS
+from winchcascade.report.content import Measured, shown
+from winchcascade.report.glossary import CHANNELS, SENSORS, metric
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -121,6 +122,16 @@ def span_word(reduction: Reduction) -> str:
     return _SPANS.get(reduction.rig.phases.source, "payout")
 
 
+def mean_text(name: str, mean: float | None, u: float | None) -> str:
+    """Mean of a metric as every page states it: with the digits of its own standard uncertainty,
+    else with those of its kind.
+
+    >>> mean_text("energy_line", 7114.9, 61.8), mean_text("eta_pto", 0.69661, None)
+    ('7115', '0.697')
+    """
+    return shown(Measured(mean, u), metric(name).decimals)
+
+
 # ----------------------------------------------------------------------------------------- cycles
 def clock_zero(run: Run) -> float:
     """What a drawn time axis begins from: 0, or the log's first stamp where that is large, as
@@ -178,12 +189,12 @@ def decisive(known: Budget) -> list[tuple[str, float, str]]:
         for row in known.rows
     ]
     found = []
-    for metric in filter(_is_ratio, known.mean):
+    for name in filter(_is_ratio, known.mean):
         parts: dict[str, float] = {}
-        for name, of in (*rows, ("repeatability", known.repeatability)):
-            parts[name] = parts.get(name, 0.0) + (shares(of, known.mean)[metric] or 0.0)
+        for sensor, of in (*rows, ("repeatability", known.repeatability)):
+            parts[sensor] = parts.get(sensor, 0.0) + (shares(of, known.mean)[name] or 0.0)
         largest = max(parts, key=parts.__getitem__)
-        found += [(metric, parts[largest], largest)] if parts[largest] else []
+        found += [(name, parts[largest], largest)] if parts[largest] else []
     return found
 
 
@@ -205,31 +216,29 @@ def calibration(known: Budget) -> str:
         ):
             continue
         parts = shares(of, known.mean).items()
-        found += [(share or 0.0, metric, source) for metric, share in parts if _is_ratio(metric)]
-    share, metric, source = max(found, key=itemgetter(0), default=(0.0, "", None))
-    u = known.mean[metric] if source is not None else None
+        found += [(share or 0.0, name, source) for name, share in parts if _is_ratio(name)]
+    share, name, source = max(found, key=itemgetter(0), default=(0.0, "", None))
+    u = known.mean[name] if source is not None else None
     if source is None or u is None or share < WORTH_CALIBRATING:
         return ""
     entry = f"u_{source.part} under [sensors.{source.channel}] of the rig file"
     return (
-        f"u({metric}) is {u:.2g} by the limits of the {_sensor(source)}; with its {source.part} "
+        f"u({name}) is {u:.2g} by the limits of the {_sensor(source)}; with its {source.part} "
         f"calibrated in place ({entry}) "
         f"it would be {u * math.sqrt(1.0 - share):.2g}."
     )
 
 
-def _is_ratio(metric: str) -> bool:
+def _is_ratio(name: str) -> bool:
     """Whether a metric is an efficiency of windows."""
-    return metric.startswith("eta") and metric != "eta_net"
+    return name.startswith("eta") and name != "eta_net"
 
 
 def not_known(known: Budget) -> list[str]:
     """What the rig file leaves unknown of the uncertainty."""
     repeatability, exact = known.repeatability, ", ".join(known.exact)
     stated = [
-        metric
-        for metric, value in known.mean.items()
-        if value is not None and metric not in NET_METRICS
+        name for name, value in known.mean.items() if value is not None and name not in NET_METRICS
     ]
     return [
         text
@@ -248,7 +257,7 @@ def not_known(known: Budget) -> list[str]:
             ),
             (
                 "repeatability not known, as one cycle does not show it",
-                stated and all(repeatability[metric] is None for metric in stated),
+                stated and all(repeatability[name] is None for name in stated),
             ),
             (f"{exact} taken as exact", stated and exact),
         )

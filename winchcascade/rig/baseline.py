@@ -10,8 +10,9 @@ import msgspec
 
 from winchcascade.core.arguments import RIG_NAME, check_arguments
 from winchcascade.core.errors import OptionError, RigError, check_type
+from winchcascade.core.machine_parts import NUMBERS_OF
 from winchcascade.core.quantity import ATMOSPHERE, Quantity, find_unit
-from winchcascade.core.rig_file import NUMBERS_OF, Rig
+from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import DEFAULT_RIG, read_rig
 from winchcascade.core.scales import rated_current
 from winchcascade.rig.effects.catalogue import make_effect

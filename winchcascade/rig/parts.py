@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_type_
 import msgspec
 import numpy as np
 
+from winchcascade.core.machine_parts import measures
 from winchcascade.core.quantity import ATMOSPHERE, KGF
 from winchcascade.core.rig_file import PARTS as SECTIONS
-from winchcascade.core.rig_file import measures
 from winchcascade.core.run import Signal
 
 if TYPE_CHECKING:
@@ -378,29 +378,34 @@ def changed(model: Model, path: str, operation: Operation, by: float) -> Model:
     return with_part(model, part, **{name: value})
 
 
-def only_change(model: Model, other: Model) -> tuple[str, float] | None:
-    """The only number in which another model differs, by its path, and by how much it is larger
-    there.
-
-    The path is empty where nothing differs; None where several numbers differ, or something that is
-    no single number.
+def differences(model: Model, other: Model) -> dict[str, float] | None:
+    """Numbers in which another model differs, by their paths, and by how much they are larger
+    there; None where more than numbers differ.
 
     >>> from winchcascade.core.rig_toml import built_in
     >>> from winchcascade.rig.baseline import baseline
     >>> model = baseline(built_in("hsu2026"))
-    >>> only_change(model, with_part(model, "winch", r_drum=model.winch.r_drum + 0.5))
-    ('winch.r_drum', 0.5)
+    >>> differences(model, with_part(model, "winch", r_drum=model.winch.r_drum + 0.5))
+    {'winch.r_drum': 0.5}
     """
-    if model.sensors != other.sensors:
+    scale, other_scale = model.sensors.motion_scale, other.sensors.motion_scale
+    if model.sensors != msgspec.structs.replace(other.sensors, motion_scale=scale):
         return None
-    found = ("", 0.0)
+    found: dict[str, float] = (
+        {} if scale == other_scale else {"sensors.motion_scale": other_scale - scale}
+    )
     for part in PARTS:
         here, there = getattr(model, part), getattr(other, part)
         for name, one, another in zip(here._fields, here, there, strict=True):
-            if one is not another and one != another:
-                if found[0] or not isinstance(one, float) or not isinstance(another, float):
-                    return None
-                found = (f"{part}.{name}", another - one)
+            if one is another or one == another:
+                continue
+            if isinstance(one, float) and isinstance(another, float):
+                found[f"{part}.{name}"] = another - one
+            elif isinstance(one, tuple) and isinstance(another, tuple):
+                by = {k: b - a for k, (a, b) in enumerate(zip(one, another, strict=True))}
+                found |= {f"{part}.{name}.{k}": change for k, change in by.items() if change}
+            else:
+                return None
     return found
 
 

@@ -32,6 +32,11 @@ TURN = 0.13
 RPM = 30.0 / math.pi
 """Of a speed in rad/s. [rpm s/rad]"""
 
+RECTIFIED = 3.0 * math.sqrt(2.0) / math.pi
+"""Mean of a rectified three-phase voltage over its rms, line to line (Mohan, Undeland and
+Robbins 2003, chapter 5). [1]
+"""
+
 X = TypeVar("X", float, Signal)
 """A number or an array."""
 

@@ -77,7 +77,7 @@ class Along(msgspec.Struct, frozen=True):
         return np.abs(self.v) > MOVING * self.motion.rest
 
 
-class _Drive(msgspec.Struct, frozen=True):
+class DriveCourse(msgspec.Struct, frozen=True):
     """Speed of the generator while the clutch is engaged [rpm], DC voltage [V], currents of the
     load and of the bridge, which charges the capacitor too [A], (n,) each; NaN where Vdc or Idc is
     not logged.
@@ -127,9 +127,8 @@ def outputs_along(
     """
     electric = ("vdc",) if run.open_circuit else ("vdc", "idc")
     gas = ("pressure",) if model.restoring.has_gas else ()
-    seen = {name: model.sensors.corrected(name, run.t, x) for name, x in run.channels.items()}
-    resistance = load_of(run) * (1.0 + model.dc_link.load_change)
-    drive = _drive(run, model, course, seen)
+    seen, resistance = _seen(run, model), load_of(run) * (1.0 + model.dc_link.load_change)
+    drive = drive_along(run, model, course)
     laws: tuple[tuple[Stage, str, tuple[str, ...], Callable[[], Signal]], ...] = (
         ("restoring", "pressure", ("velocity",), lambda: _pressure(run, model, course.motion)),
         (
@@ -150,14 +149,35 @@ def outputs_along(
     )
 
 
-def _drive(run: Run, model: Model, course: Along, seen: dict[str, Signal]) -> _Drive:
-    unknown = np.full(run.t.size, np.nan)
+def _seen(run: Run, model: Model) -> dict[str, Signal]:
+    """Channels of a log without the errors of the sensors of a model, (n,) each."""
+    return {name: model.sensors.corrected(name, run.t, x) for name, x in run.channels.items()}
+
+
+def drive_along(run: Run, model: Model, course: Along) -> DriveCourse:
+    """Speed, voltage and currents of the machine along a log."""
+    seen, unknown = _seen(run, model), np.full(run.t.size, np.nan)
     rpm = course.v / model.r_motion * model.drivetrain.gear * RPM
     if "vdc" not in seen:
-        return _Drive(rpm, unknown, unknown, unknown)
+        return DriveCourse(rpm, unknown, unknown, unknown)
     bleed, with_capacitor = dc_currents(run, model, seen["vdc"], course.ramp)
     i_load = bleed if run.open_circuit else seen.get("idc", unknown)
-    return _Drive(rpm, seen["vdc"], i_load, i_load + (with_capacitor - bleed))
+    return DriveCourse(rpm, seen["vdc"], i_load, i_load + (with_capacitor - bleed))
+
+
+def power_per_output(model: Model, course: Along, drive: DriveCourse) -> dict[Stage, Signal]:
+    """Power that flows out of a stage, over its output in `outputs_along`, (n,) each [W over the
+    unit of the channel].
+
+    Of the gearbox it is what reaches the generator, of which a larger torque leaves less.
+    """
+    omega = course.v / model.r_motion
+    return {
+        "restoring": physics.piston_torque(omega, model.restoring),
+        "transmission": omega,
+        "gearbox": -omega * model.drivetrain.eta_mesh,
+        "generator": drive.i_bridge,
+    }
 
 
 def _pressure(run: Run, model: Model, motion: LineMotion) -> Signal:
@@ -198,7 +218,7 @@ def _torque_of_line(model: Model, course: Along, force: Signal, pressure: Signal
     )
 
 
-def _torque_of_shaft(model: Model, course: Along, drive: _Drive) -> Signal:
+def _torque_of_shaft(model: Model, course: Along, drive: DriveCourse) -> Signal:
     """Torque of the PTO shaft that the high-speed shaft needs, (n,) [N m]; in haul-in that of the
     open clutch.
 
@@ -225,7 +245,7 @@ def _torque_of_shaft(model: Model, course: Along, drive: _Drive) -> Signal:
     return torque
 
 
-def _voltage(model: Model, course: Along, drive: _Drive) -> Signal:
+def _voltage(model: Model, course: Along, drive: DriveCourse) -> Signal:
     """DC voltage at which the machine gives the current of the bridge, (n,) [V]."""
     known = course.engaged & (drive.rpm > rpm_min(drive.rpm)) & (drive.i_bridge > 0.0)
     known &= drive.i_bridge > CONDUCTING * np.maximum(drive.i_load, 0.0)

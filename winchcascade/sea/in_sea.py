@@ -19,7 +19,7 @@ from winchcascade.rig.bridge import blended_table
 from winchcascade.rig.kernel import COLUMNS, LineMotion
 from winchcascade.rig.ledger import LEDGER, energies
 from winchcascade.rig.parts import Model
-from winchcascade.rig.physics import FASTMATH, RPM
+from winchcascade.rig.physics import FASTMATH, RECTIFIED, RPM
 from winchcascade.rig.state import (
     Constants,
     GasState,
@@ -106,11 +106,6 @@ def load_at(omega: float, speeds: Signal, loads: Signal) -> float:
         found += (loads[k + 1] - found) * (omega - speeds[k]) / (speeds[k + 1] - speeds[k])
     return found
 
-
-RECTIFIED = 3.0 * math.sqrt(2.0) / math.pi
-"""Mean of a rectified three-phase voltage over its rms, line to line (Mohan, Undeland and
-Robbins 2003, chapter 5). [1]
-"""
 
 OVERLAP = math.pi / 3.0
 """Largest angle in which a current passes from one phase to the next while two phases carry it

@@ -93,7 +93,8 @@ class Measured(msgspec.Struct, frozen=True):
     `deviation` is the largest one of a cycle from the mean [%], `uncertainty` the standard
     uncertainty that the sensors leave of the mean, without the scatter of the cycles; `limits` is
     what the limits of the sensors that are calibrated in place would leave of it, empty where
-    results do not state it. `findings` are the sentences on what is wrong with the log.
+    results do not state it; `u` is the standard uncertainty with the scatter. `findings` are the
+    sentences on what is wrong with the log.
     """
 
     name: str
@@ -102,6 +103,7 @@ class Measured(msgspec.Struct, frozen=True):
     deviation: Numbers = {}
     uncertainty: Numbers = {}
     limits: Numbers = {}
+    u: Numbers = {}
     findings: tuple[str, ...] = ()
     origin: Origin = Origin()
 
@@ -135,7 +137,8 @@ class CellCheck(msgspec.Struct, frozen=True):
     """One cell of the table beside its measured value, all in the unit of its column.
 
     `log` names the run, None where there is none. `limits` is the part of `uncertainty`, in
-    squares, that the limits of the sensors make.
+    squares, that the limits of the sensors make. `u` is the standard uncertainty of the measured
+    value, which decides its digits, None where it is not known.
     """
 
     row: TableRow
@@ -148,6 +151,7 @@ class CellCheck(msgspec.Struct, frozen=True):
     uncertainty: float = 0.0
     limits: float = 0.0
     means: float = 0.0
+    u: float | None = None
 
     @property
     def tolerance(self) -> float:
@@ -327,6 +331,7 @@ def measured(record: RunRecord, where: str, table: PublishedTable) -> list[Measu
         deviation=_metrics(record.max_deviation_percent),
         uncertainty=_metrics(record.uncertainty.sensors),
         limits=_metrics(record.uncertainty.sensors_by_limits),
+        u=_metrics(record.standard_uncertainty),
         findings=tuple(f"{finding.kind}: {finding.message}" for finding in record.quality),
         origin=origin_from(record.data),
     )
@@ -346,6 +351,7 @@ def measured(record: RunRecord, where: str, table: PublishedTable) -> list[Measu
                 deviation={},
                 uncertainty=_metrics(cycle.standard_uncertainty),
                 limits=_metrics(cycle.sensors_by_limits),
+                u=_metrics(cycle.standard_uncertainty),
             )
             for cycle in cycles
         ]
@@ -358,6 +364,7 @@ def measured(record: RunRecord, where: str, table: PublishedTable) -> list[Measu
             deviation={},
             uncertainty={},
             limits={},
+            u={},
         )
     ]
 
@@ -553,6 +560,7 @@ def _cell(
         uncertainty=factors.uncertainty * math.hypot(own, limits),
         limits=factors.uncertainty * limits,
         means=factors.means * table.tolerance * abs(cell.value),
+        u=None if (u := result.u.get(metric)) is None else u / cell.factor,
     )
 
 

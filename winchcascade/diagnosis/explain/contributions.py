@@ -30,15 +30,12 @@ from winchcascade.diagnosis.explain.shapley import split, subsets_of
 from winchcascade.diagnosis.explain.windowed import (
     QUANTITIES,
     WindowedLog,
-    complete_cycles,
     quantities_of,
     windowed,
-    windows_of,
 )
-from winchcascade.diagnosis.fit.covariance import covariance_of
-from winchcascade.diagnosis.fit.evidence import inside_of
-from winchcascade.diagnosis.fit.fit_set import columns_of
-from winchcascade.diagnosis.fit.misfit import Fitted, log_of
+from winchcascade.diagnosis.fit.covariance import covariance_without, joint_covariance
+from winchcascade.diagnosis.fit.misfit import Fitted
+from winchcascade.diagnosis.fit.nuisances import stated_share
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.suspects import Suspects, varied
 from winchcascade.diagnosis.judge.causes import COVERED
@@ -47,7 +44,7 @@ from winchcascade.diagnosis.verdict_limits import LAW
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-    from winchcascade.core.run import Mask, Run, Signal
+    from winchcascade.core.run import Mask, Signal
     from winchcascade.diagnosis.fit.evidence import Fit
     from winchcascade.diagnosis.fit.search import Found
     from winchcascade.rig.effects.effect import ActiveEffect, Effect
@@ -92,61 +89,54 @@ class Accounts(NamedTuple):
     u_input: Signal
 
 
-class Variants(NamedTuple):
-    """Every model that the accounts need, as nuisances and effects, and its model of every log.
+class Ways(NamedTuple):
+    """Small changes of a fit with all causes that are split: fields one after the other, of the
+    causes `owners` and at `places` of all fields, then nuisances that are simulated.
 
-    In a row: subsets of the causes; all causes with one field after the other moved; all causes
-    with the fitted nuisances; the same, one nuisance after the other moved. The fields belong to
-    the causes `owners`, are at `places` of all fields of the fit, and move by `steps`.
+    `moved` (M, 5, p) is what each moves in the blocks, SI units, by a change of `steps` (p,).
     """
 
-    given: list[tuple[Signal, Sequence[ActiveEffect]]]
-    models: list[list[Model]]
+    moved: Signal
+    steps: Signal
     owners: list[int]
     places: list[int]
-    steps: Signal
 
 
-def variants_of(data: Fitted, suspects: Suspects, best: Fit, names: Names) -> Variants:
-    """List the models that the accounts of a fit with some of its causes need."""
+def ways_of(data: Fitted, suspects: Suspects, best: Fit, names: Names) -> Ways:
+    """What moves the accounts of a fit with some of its causes."""
     acting = dict(zip(best.names, best.effects(suspects), strict=True))
-    nominal, everything = np.zeros_like(best.nu), [acting[name] for name in names]
-    subsets = [
-        [one for bit, one in enumerate(everything) if subset >> bit & 1]
-        for subset in subsets_of(len(names))
-    ]
-    together: list[Sequence[ActiveEffect]] = []
-    fields: list[tuple[int, int, float]] = []
-    for owner, name in enumerate(names):
-        own = best.place[name]
+    fields = [
+        (owner, place, [moved if other == name else acting[other] for other in names], step)
+        for owner, name in enumerate(names)
         for place, (moved, step) in enumerate(
-            varied(suspects[name], best.x[own], MOVED), own.start
-        ):
-            together.append([moved if one is acting[name] else one for one in everything])
-            fields.append((owner, place, step))
-    given = [(nominal, effects) for effects in (*subsets, *together)]
-    given += [
-        (best.nu + shift, everything)
-        for shift in (nominal, *np.eye(best.nu.size)[: data.simulated])
+            varied(suspects[name], best.x[best.place[name]], MOVED), best.place[name].start
+        )
     ]
-    owners, places, steps = ([field[k] for field in fields] for k in range(3))
-    return Variants(
-        given,
-        [data.models(*one) for one in given],
-        [*map(int, owners)],
-        [*map(int, places)],
-        np.array(steps),
+    here = best.nu, [acting[name] for name in names]
+    by_nuisance = data.tolerances(*here)
+    by_field = data.predictions_near(here, [(best.nu, effects) for _, _, effects, _ in fields])
+    return Ways(
+        np.concatenate([by_field - data.nearby(here).at[:, :, None], by_nuisance], axis=2),
+        np.array([*(field[3] for field in fields), *np.ones(data.simulated)]),
+        [field[0] for field in fields],
+        [field[1] for field in fields],
     )
 
 
-def account_of(
-    data: Fitted,
-    one: WindowedLog,
-    variants: Variants,
-    covariance: Signal,
-    of_inputs: Signal,
-    causes: int,
-) -> Accounts:
+class Split(NamedTuple):
+    """A fit to be split among its `causes`: the model of every log with each subset of them, and
+    that of the fit; the nuisances `nu`, the `ways`, and the `covariance` of its fields and then of
+    its nuisances, (p + n, p + n).
+    """
+
+    causes: Names
+    models: list[list[Model]]
+    nu: Signal
+    ways: Ways
+    covariance: Signal
+
+
+def account_of(data: Fitted, one: WindowedLog, fit: Split, of_inputs: Signal) -> Accounts:
     """Split the difference between the model of the rig file and one run among causes, tolerances
     and residual; L is 1.
 
@@ -155,123 +145,65 @@ def account_of(
 
     Parameters
     ----------
-    covariance : (p + n, p + n) of the fields of the fit and then of its nuisances
-    of_inputs : the same of the fit that the run is compared with
-    causes : number of causes
+    of_inputs : the covariance of the fit that the run is compared with
     """
-    first, count = covariance.shape[0] - len(data.nuisances), len(subsets_of(causes))
-    fields = len(variants.places)
-    subsets, together, fitted = np.split(_values(data, one, variants), [count, count + fields])
-    by_field = (together - subsets[-1]) / variants.steps[:, None]
+    *subsets, model = (of_logs[one.number] for of_logs in fit.models)
+    read = one.log.at_stamps(model, data.skew(fit.nu), data.zeros(fit.nu)[one.number])
+    fitted, measured = one.quantities(read), quantities_of(one.log.run, one.rig, one.windows)
+    values, causes, covariance = _values(one, subsets), len(fit.causes), fit.covariance
+    moved = np.moveaxis(fit.ways.moved[data.rows[one.number]], 2, 0)
+    changes = np.array(
+        [
+            one.quantities(read + one.log.course.blocks.spread(way, len(read))) - fitted
+            for way in moved
+        ]
+    )
+    by_field, by_nuisance = np.split(changes / fit.ways.steps[:, None], [len(fit.ways.places)])
+    first = covariance.shape[0] - len(data.nuisances)
     slopes = np.zeros((causes + 2, covariance.shape[0], len(QUANTITIES)))
-    slopes[variants.owners, variants.places] = by_field
-    slopes[-2, first : first + data.simulated] = fitted[1:] - fitted[0]
-    slopes[-2, first:] += _by_zeros(data, one, variants, fitted[0])
-    slopes[-1, variants.places] = -by_field
+    slopes[fit.ways.owners, fit.ways.places] = by_field
+    slopes[-2, first : first + data.simulated] = by_nuisance
+    for j, n in enumerate(data.nuisances):
+        if n.kind == "zero" and n.log == one.number:
+            zero = np.where(np.array(CHANNELS) == n.name, n.sd, 0.0)
+            slopes[-2, first + j] = one.quantities(read + zero) - fitted
+    slopes[-1, fit.ways.places] = -by_field
     slopes[-1] -= slopes[-2]
-    u = np.sqrt(np.maximum(np.sum(slopes * (covariance @ slopes), axis=1), 0.0))
-    by_input = np.where([n.kind in INPUTS for n in data.nuisances[: data.simulated]], 1.0, 0.0)[
-        :, None
-    ]
-    by_input = by_input * (fitted[1:] - fitted[0])
+    u = _spread_of(slopes, covariance)
+    of_the_model = np.array([n.kind in INPUTS for n in data.nuisances[: data.simulated]])
+    by_input = np.where(of_the_model[:, None], by_nuisance, 0.0)
     after = np.zeros_like(slopes[0])
-    after[variants.places] = by_field
+    after[fit.ways.places] = by_field
     after[first : first + data.simulated] = by_input
-    u_input = np.sqrt(
-        np.maximum([np.sum(by_input**2, axis=0), np.sum(after * (of_inputs @ after), axis=0)], 0.0)
-    )
-    (shares, drawn), measured = (
-        split(subsets, causes),
-        quantities_of(one.log.run, one.rig, one.windows),
-    )
+    stated = np.array([stated_share(data.rig, n) for n in data.nuisances[: data.simulated]])
+    before = np.sqrt(np.sum((stated[:, None] * by_input) ** 2, axis=0))
+    u_input = np.array([before, _spread_of(after, of_inputs)])
+    shares, drawn = split(values, causes)
     u[:causes] = np.hypot(u[:causes], drawn)
-    missing = np.where(np.isnan(measured + fitted[0]), math.nan, 0.0)
-    parts = np.vstack([shares, fitted[0] - subsets[-1], measured - fitted[0]])
-    of_run = measured + missing, subsets[0] + missing, parts + missing, u + missing, shares, u_input
+    missing = np.where(np.isnan(measured + fitted), math.nan, 0.0)
+    parts = np.vstack([shares, fitted - values[-1], measured - fitted])
+    of_run = measured + missing, values[0] + missing, parts + missing, u + missing, shares, u_input
     return Accounts(*(x[None] for x in of_run))
 
 
-def _values(data: Fitted, one: WindowedLog, variants: Variants) -> Signal:
-    """Quantities of one run by every variant, (variants, 14); what does not concern the run is
-    not simulated again.
-    """
-    known: dict[bytes, list[tuple[Model, Signal]]] = {}
-    found, models = [], [of_logs[one.number] for of_logs in variants.models]
-    for (nu, _), model in zip(variants.given, models, strict=True):
-        skew, zeros = data.skew(nu), data.zeros(nu)[one.number]
-        alike = known.setdefault(skew.tobytes() + zeros.tobytes(), [])
-        values = next((values for other, values in alike if other == model), None)
-        if values is None:
-            values = one.simulated(model, skew, zeros)
-            alike.append((model, values))
-        found.append(values)
-    return np.array(found)
+def _spread_of(slopes: Signal, covariance: Signal) -> Signal:
+    """Standard uncertainties by slopes over numbers, (..., 14) from (..., p, 14)."""
+    return np.asarray(np.sqrt(np.maximum(np.sum(slopes * (covariance @ slopes), axis=-2), 0.0)))
 
 
-def _by_zeros(data: Fitted, one: WindowedLog, variants: Variants, fitted: Signal) -> Signal:
-    """What one uncertainty of each zero moves with all causes and nuisances as `fitted`, (n,
-    14); 0 for other nuisances.
+def _values(one: WindowedLog, models: Sequence[Model]) -> Signal:
+    """Quantities of one run by several models without errors of zeros and timing, (models, 14);
+    what does not concern the run is not simulated again.
     """
-    nu, model = (
-        variants.given[-1 - data.simulated][0],
-        variants.models[-1 - data.simulated][one.number],
-    )
-    found = np.zeros((nu.size, len(QUANTITIES)))
-    for j, n in enumerate(data.nuisances):
-        if n.kind == "zero" and n.log == one.number:
-            zeros = data.zeros(nu)[one.number]
-            zeros[CHANNELS.index(n.name)] += n.sd
-            found[j] = one.simulated(model, data.skew(nu), zeros) - fitted
-    return found
+    known: list[tuple[Model, Signal]] = []
+    for model in models:
+        if all(model != other for other, _ in known):
+            nothing = np.zeros(len(CHANNELS))
+            known.append((model, one.simulated(model, nothing, nothing)))
+    return np.array([next(x for other, x in known if other == model) for model in models])
 
 
 # ------------------------------------------------------------------------- all runs of a campaign
-def joint_covariance(found: Found, fit: Fit | None = None) -> Signal:
-    """Covariance of all fields of a fit, the best one by default, and then of its nuisances, (k +
-    n, k + n): these follow the fields, and scatter about that as the data and their tolerances
-    leave them.
-    """
-    fit, marginal = fit or found.best, found.marginal
-    if fit is found.best:
-        columns = found.expansion.columns[:, found.expansion.index(fit.names)]
-    else:
-        columns = columns_of(found.problem, marginal, fit, fit.names)
-    fields = covariance_of(found, fit, columns)
-    follow = marginal.spread @ marginal.columns.onto(marginal.undone(columns))
-    both = fields @ follow.T
-    return np.block([[fields, both], [both.T, follow @ both + marginal.spread_in(found.scale)]])
-
-
-def covariance_without(data: Fitted, found: Found, load: float) -> Signal:
-    """Covariance as `joint_covariance` gives it, of a fit without the logs of a load [ohm]: what
-    these determine is added.
-
-    What concerns one log alone stays as it is known, and a field at a bound stays there.
-    """
-    best, loads = found.best, np.repeat([log.load for log in data.logs], data.sizes)
-    fields = -found.marginal.undone(
-        found.expansion.columns[:, found.expansion.index(best.names)]
-    ) * inside_of(best)
-    of_a_log = np.zeros(best.x.size, dtype=bool)
-    for name, effect in zip(best.names, best.effects(found.problem.suspects), strict=True):
-        of_a_log[best.place[name]] = log_of(effect) >= 0
-    prior = np.diag([*best.free.sd**-2.0, *np.ones(len(data.nuisances))])
-
-    def left_by(blocks: Mask) -> Signal:
-        rows = np.repeat(blocks.astype(np.float64), len(CHANNELS))
-        own, others = (
-            np.where(of_a_log, fields, fields * rows[:, None]),
-            found.marginal.columns.masked(rows),
-        )
-        across = others.onto(own)
-        information = np.block([[own.T @ own, across.T], [across, others.squared()]])
-        return np.asarray(np.linalg.inv(information / found.scale + prior))
-
-    return (
-        joint_covariance(found) + left_by(loads != load) - left_by(np.ones(loads.size, dtype=bool))
-    )
-
-
 def contributions_of(
     data: Fitted,
     found: Found,
@@ -293,7 +225,16 @@ def contributions_of(
     held_out : numbers of logs that are compared with a fit without the logs of their load
     """
     names, suspects = tuple(cause.effect for cause in causes), found.problem.suspects
-    covariance, variants = joint_covariance(found), variants_of(data, suspects, found.best, names)
+    best, nothing = found.best, np.zeros(len(data.nuisances))
+    acting = dict(zip(best.names, best.effects(suspects), strict=True))
+    subsets = [
+        [acting[name] for bit, name in enumerate(names) if subset >> bit & 1]
+        for subset in subsets_of(len(names))
+    ]
+    models = [data.models(nothing, effects) for effects in subsets]
+    models.append(data.models(best.nu, subsets[-1]))
+    ways, covariance = ways_of(data, suspects, best, names), joint_covariance(found)
+    fit = Split(names, models, best.nu, ways, covariance)
     without_load = {
         load: covariance_without(data, found, load)
         for load in {data.logs[k].load for k in held_out}
@@ -302,7 +243,7 @@ def contributions_of(
     def account(number: int, window: float | None) -> tuple[WindowedLog, Accounts]:
         one = windowed(data, number, window)
         of_inputs = without_load[one.log.load] if number in held_out else covariance
-        return one, account_of(data, one, variants, covariance, of_inputs, len(names))
+        return one, account_of(data, one, fit, of_inputs)
 
     lengths = enumerate(windows or [None] * len(data.logs))
     each = all_at_once([partial(account, number, window) for number, window in lengths], data.sizes)
@@ -312,46 +253,68 @@ def contributions_of(
     )
     loaded = np.array([math.isfinite(one.log.run.load or math.inf) for one in logs])
     u = with_uncertain_laws(accounts, loaded, data.rig.model.discrepancy)
+    accounts = accounts._replace(u=u)
     kinds: list[tuple[str | None, ContributionKind]] = [
-        (name, kind_of(suspects[name])) for name in names
+        *((name, kind_of(suspects[name])) for name in names),
+        (None, "tolerances"),
+        (None, "residual"),
     ]
-    kinds += [(None, "tolerances"), (None, "residual")]
-    recorded = [
-        Contribution(
-            log=one.number,
-            load=one.log.run.load,
-            plateau_speed=one.plateau_speed,
-            metric=quantity,
-            as_given=float(accounts.as_given[row, k]),
-            measured=float(accounts.measured[row, k]),
-            parts=tuple(
-                ContributionPart(
-                    *kinds[part], value, value - COVERED * spread, value + COVERED * spread
-                )
-                for part, (value, spread) in enumerate(
-                    zip(accounts.parts[row, :, k].tolist(), u[row, :, k].tolist(), strict=True)
-                )
-            )
-            if np.isfinite(accounts.measured[row, k])
-            else (),
-        )
+    recorded = (
+        _recorded(one, accounts, row, kinds, k)
         for row, one in enumerate(logs)
-        for k, quantity in enumerate(QUANTITIES)
-    ]
+        for k in range(len(QUANTITIES))
+    )
     changes = {
         name: [
-            LargestChange(
-                metric,
-                float(accounts.by_model[row, cause, QUANTITIES.index(metric)]),
-                load=one.log.run.load,
-            )
+            change
             for row, one in enumerate(logs)
-            for metric in EFFICIENCIES
-            if np.isfinite(accounts.by_model[row, cause, QUANTITIES.index(metric)])
+            for change in _changes(one, accounts.by_model[row, cause])
         ]
         for cause, name in enumerate(names)
     }
     return tuple(recorded), changes, accounts.u_input
+
+
+def _recorded(
+    one: WindowedLog,
+    accounts: Accounts,
+    row: int,
+    kinds: Sequence[tuple[str | None, ContributionKind]],
+    quantity: int,
+) -> Contribution:
+    """The account of one quantity of one run, of one `row` of the accounts."""
+    measured = float(accounts.measured[row, quantity])
+    values, spreads = accounts.parts[row, :, quantity], COVERED * accounts.u[row, :, quantity]
+    parts = zip(
+        kinds,
+        values.tolist(),
+        (values - spreads).tolist(),
+        (values + spreads).tolist(),
+        strict=True,
+    )
+    return Contribution(
+        log=one.number,
+        load=one.log.run.load,
+        plateau_speed=one.plateau_speed,
+        metric=QUANTITIES[quantity],
+        as_given=float(accounts.as_given[row, quantity]),
+        measured=measured,
+        parts=tuple(ContributionPart(*kind, *ends) for kind, *ends in parts)
+        if math.isfinite(measured)
+        else (),
+    )
+
+
+def _changes(one: WindowedLog, changed: Signal) -> list[LargestChange]:
+    """Changes of the efficiencies of one run, of those of all quantities, (14,); without what the
+    model cannot give.
+    """
+    by = {metric: float(changed[QUANTITIES.index(metric)]) for metric in EFFICIENCIES}
+    return [
+        LargestChange(metric, change, load=one.log.run.load)
+        for metric, change in by.items()
+        if math.isfinite(change)
+    ]
 
 
 def with_uncertain_laws(accounts: Accounts, loaded: Mask, discrepancy: float) -> Signal:
@@ -393,13 +356,7 @@ def efficiency_changes(
     for k, window in enumerate(windows or [None] * len(data.logs)):
         one = windowed(data, k, window)
         before, after = (one.simulated(own[k], data.skew(nu), data.zeros(nu)[k]) for own in models)
-        for metric in EFFICIENCIES:
-            change = float((after - before)[QUANTITIES.index(metric)])
-            found += (
-                [LargestChange(metric, change, load=one.log.run.load)]
-                if math.isfinite(change)
-                else []
-            )
+        found += _changes(one, after - before)
     return found
 
 
@@ -497,57 +454,3 @@ def reordered(
         )
         for one in contributions
     )
-
-
-def from_own_simulation(
-    contributions: Sequence[Contribution],
-    data: Fitted,
-    simulations: Sequence[Run],
-    windows: Sequence[float | None] | None = None,
-) -> tuple[Contribution, ...]:
-    """Contributions that lead from an own simulation to the runs: what the model of the rig has
-    beyond it is a part, too.
-
-    Parameters
-    ----------
-    contributions : from the model of the rig file, as `contributions_of` gives them
-    simulations : of each run, at the stamps of its log
-    windows : as for `contributions_of`
-    """
-    settings = zip(
-        data.logs, simulations, windows or [None] * len(data.logs), data.cycles, strict=True
-    )
-    given = {
-        (number, quantity): float(value)
-        for number, (log, simulation, window, span) in enumerate(settings)
-        for quantity, value in zip(
-            QUANTITIES,
-            quantities_of(
-                _along(log.run, simulation),
-                data.rig,
-                windows_of(complete_cycles(log.run, data.rig, window, span)),
-            ),
-            strict=True,
-        )
-    }
-    return tuple(_from(one, given[one.log, one.metric]) for one in contributions)
-
-
-def _along(run: Run, simulation: Run) -> Run:
-    """A log with the channels of its simulation, so that both have the same windows; without
-    those that either lacks.
-    """
-    both = {name: x for name, x in simulation.channels.items() if name in run.channels}
-    return msgspec.structs.replace(run, channels=both | {"velocity": run.channels["velocity"]})
-
-
-def _from(one: Contribution, given: float) -> Contribution:
-    """A contribution from another value than that of the rig file; the difference becomes a part
-    before the residual.
-    """
-    if not one.parts or not math.isfinite(given):
-        return msgspec.structs.replace(one, as_given=math.nan, measured=math.nan, parts=())
-    *parts, residual = one.parts
-    form = one.as_given - given
-    parts.append(ContributionPart(None, "model_form", form, form, form))
-    return msgspec.structs.replace(one, as_given=given, parts=(*parts, residual))

@@ -15,7 +15,7 @@ from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Contribution, DiagnosisResult, NamedCause
 from winchcascade.diagnosis.explain.contributions import leading_metric, loaded_part
-from winchcascade.diagnosis.fit.block_means import HAUL_IN, PAYOUT
+from winchcascade.diagnosis.fit.block_means import HAUL_IN, PAYOUT, PHASES
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.judge.causes import posterior_of
 from winchcascade.rig.effects.laws import share_of_k_e
@@ -27,14 +27,6 @@ if TYPE_CHECKING:
 
 SIDES = ["logged", "before", "after"]
 """Columns of a table of blocks: as logged, and as simulated before and after the causes."""
-
-SPEED_BIN = 0.07
-"""Width of the bins of generator speed in which block means are averaged, over the largest speed
-of the campaign. [1]
-"""
-
-TOP_SHARE = 0.9
-"""Braking begins after the last block with this share of a payout's top speed. [1]"""
 
 LEAD, TAIL = 0.1, 0.05
 """Time before the onset of a cycle and after its haul-in that belongs to it here, over the time
@@ -95,32 +87,6 @@ def block_table(found: ModelDiagnosis) -> pd.DataFrame:
     )
 
 
-def means_over_speed(table: pd.DataFrame, log: int, channels: Sequence[str]) -> pd.DataFrame:
-    """Average a channel of the payouts of a log, or the product of several, in bins of generator
-    speed, until braking.
-
-    Braking gives energy back that the machine stores.
-
-    Returns
-    -------
-    Columns `rpm` and `SIDES`, a row for each bin.
-    """
-    own = table[
-        (table.log == log)
-        & (table.phase == PAYOUT)
-        & table.channel.isin(channels)
-        & (table.rpm > 0.0)
-    ]
-    blocks = own.groupby(["cycle", "t", "rpm"])[SIDES].prod(min_count=len(channels)).reset_index()
-    near_top = blocks[blocks.rpm >= TOP_SHARE * blocks.groupby("cycle").rpm.transform("max")]
-    blocks = blocks[
-        (blocks.t <= blocks.cycle.map(near_top.groupby("cycle").t.max())) & blocks.logged.notna()
-    ]
-    return blocks.groupby(np.floor(blocks.rpm / (SPEED_BIN * table.rpm.max())))[
-        ["rpm", *SIDES]
-    ].mean()
-
-
 # ------------------------------------------------------------------------------ one cycle in full
 class SimulatedCycle(NamedTuple):
     """One cycle of one run: numbers of both, its onset on the clock of the log [s], and the end of
@@ -140,13 +106,19 @@ class SimulatedCycle(NamedTuple):
 
 
 def largest_gap(found: ModelDiagnosis, table: pd.DataFrame) -> SimulatedCycle | None:
-    """The cycle with the largest mean square of the gap of the baseline over its noise; None
-    where no run has a payout.
+    """The cycle with the largest mean square of the gap of the baseline over its noise at the place
+    of the map with the largest one, where blocks show it; None where no run has a payout.
     """
-    gap = table.assign(
+    gap = table[table.cycle > 0].assign(
         square=((table.logged - table.before) / table.noise.where(table.noise > 0.0, 1.0)) ** 2
     )
-    gaps = gap[gap.cycle > 0].groupby(["log", "cycle"]).square.mean()
+    known = [place for place in found.places if math.isfinite(place.z)]
+    if known:
+        worst = max(known, key=lambda place: abs(place.z))
+        here = (gap.log == worst.log) & (gap.channel == worst.channel)
+        own = gap[here & (gap.phase == PHASES.index(worst.phase))]
+        gap = gap if own.empty else own
+    gaps = gap.groupby(["log", "cycle"]).square.mean()
     if gaps.empty:
         return None
     log, cycle = map(int, gaps.idxmax())

@@ -136,9 +136,7 @@ def stagewise(data: Fitted) -> tuple[Place, ...]:
     """Compare every stage with what it makes of its own measured inputs, by the model of the rig
     file.
     """
-    one = np.eye(len(data.nuisances))
-    moved = {j: data.models(one[j], []) for j, n in enumerate(data.nuisances) if n.kind in MODELLED}
-    spread = data.discrepancies()
+    moved, spread = moved_models(data), data.discrepancies()
     jobs = [
         partial(_of_a_log, data, k, {j: models[k] for j, models in moved.items()}, spread[rows])
         for k, rows in enumerate(data.rows)
@@ -146,15 +144,31 @@ def stagewise(data: Fitted) -> tuple[Place, ...]:
     return tuple(place for places in all_at_once(jobs, data.sizes) for place in places)
 
 
-def _of_a_log(data: Fitted, number: int, moved: Mapping[int, Model], spread: Signal) -> list[Place]:
-    """Compare every stage of one log.
+class Deviations(msgspec.Struct, frozen=True):
+    """What the stages of a log make of their own measured inputs along its motion, with samples and
+    blocks that are means where a log is fast.
+
+    `simulated` are the channels of the model driven by that motion. `gaps` are measured minus
+    predicted outputs by stage, (n,), `of_laws` those of the simulation, whose stages are not
+    quasi-static, and `moved` the gaps with a nuisance moved by one standard uncertainty.
+    """
+
+    run: Run
+    simulated: dict[str, Signal]
+    blocks: Blocks
+    path: Along
+    gaps: dict[str, Signal]
+    of_laws: dict[str, Signal]
+    moved: dict[Nuisance, dict[str, Signal]]
+
+
+def deviations(data: Fitted, number: int, moved: Mapping[int, Model]) -> Deviations:
+    """Compare the stages of one log with their model.
 
     Parameters
     ----------
     moved : models of the log, each with one nuisance moved by one standard uncertainty, by the
         number of the nuisance
-    spread : (m, 5, courses) standard deviation of the discrepancy of the model in its blocks, SI
-        units
     """
     log, model = data.logs[number], data.nominal
     course, (run, blocks) = log.course, _thinned(log)
@@ -163,20 +177,38 @@ def _of_a_log(data: Fitted, number: int, moved: Mapping[int, Model], spread: Sig
     grid = zip(CHANNELS, course.on_grid(model).T, strict=True)
     simulated = {name: np.interp(run.t, course.coarse.t, x) for name, x in grid}
     made = msgspec.structs.replace(run, channels={**run.channels, **simulated})
-    of_the_laws, gaps = _gaps(made, model, path), _gaps(run, model, path)
     changes: dict[Nuisance, dict[str, Signal]] = {}
     for j, n in enumerate(data.nuisances):
         if n.kind in READ and n.name in run.channels and n.log in (-1, number):
-            changes[n] = _gaps(_misread(run, n), model, path)
+            changes[n] = gaps_of(misread(run, n.name, n.kind, n.sd), model, path)
         elif n.kind in MODELLED and (n.kind != "load" or n.load == log.load):
-            changes[n] = _gaps(run, moved[j], path)
-    found: list[Place] = []
-    for output in outputs_along(run, model, path):
-        if output.channel in run.channels:
-            gap = gaps[output.stage] - of_the_laws[output.stage]
-            own = {n: by[output.stage] - gaps[output.stage] for n, by in changes.items()}
+            changes[n] = gaps_of(run, moved[j], path)
+    both = gaps_of(run, model, path), gaps_of(made, model, path)
+    return Deviations(run, simulated, blocks, path, *both, changes)
+
+
+def moved_models(data: Fitted) -> dict[int, list[Model]]:
+    """Models of all logs with one nuisance moved by one standard uncertainty, by its number."""
+    one = np.eye(len(data.nuisances))
+    return {j: data.models(one[j], []) for j, n in enumerate(data.nuisances) if n.kind in MODELLED}
+
+
+def _of_a_log(data: Fitted, number: int, moved: Mapping[int, Model], spread: Signal) -> list[Place]:
+    """Compare every stage of one log.
+
+    Parameters
+    ----------
+    moved : as `deviations` takes them
+    spread : (m, 5, courses) standard deviation of the discrepancy of the model in its blocks, SI
+        units
+    """
+    made, found = deviations(data, number, moved), list[Place]()
+    for output in outputs_along(made.run, data.nominal, made.path):
+        if (stage := output.stage) in made.gaps:
+            gap = made.gaps[stage] - made.of_laws[stage]
+            own = {n: by[stage] - made.gaps[stage] for n, by in made.moved.items()}
             of_model = spread[:, CHANNELS.index(output.channel)]
-            placed = _places(run, blocks, output, gap, own, of_model)
+            placed = _places(made.run, made.blocks, output, gap, own, of_model)
             found += [msgspec.structs.replace(one, log=number) for one in placed]
     return found
 
@@ -209,7 +241,7 @@ def _thinned(log: Log) -> tuple[Run, Blocks]:
     return thinned, msgspec.structs.replace(blocks, start=start, stop=stop)
 
 
-def _gaps(run: Run, model: Model, path: Along) -> dict[str, Signal]:
+def gaps_of(run: Run, model: Model, path: Along) -> dict[str, Signal]:
     """Measured minus predicted output of each stage, (n,); NaN where the stage predicts nothing."""
     return {
         o.stage: run.channels[o.channel] - o.predicted
@@ -218,14 +250,14 @@ def _gaps(run: Run, model: Model, path: Along) -> dict[str, Signal]:
     }
 
 
-def _misread(run: Run, n: Nuisance) -> Run:
-    """A log as one of its sensors reads it when off by one standard uncertainty."""
-    x = run.channels[n.name]
-    if n.kind == "timing":
-        other = np.interp(run.t - n.sd, run.t, x)
+def misread(run: Run, name: str, part: str, error: float) -> Run:
+    """A log as one of its sensors reads it with an error of its gain, timing or zero."""
+    x = run.channels[name]
+    if part == "timing":
+        other = np.interp(run.t - error, run.t, x)
     else:
-        other = x * (1.0 + n.sd) if n.kind == "gain" else x + n.sd
-    return msgspec.structs.replace(run, channels={**run.channels, n.name: other})
+        other = x * (1.0 + error) if part == "gain" else x + error
+    return msgspec.structs.replace(run, channels={**run.channels, name: other})
 
 
 def _places(

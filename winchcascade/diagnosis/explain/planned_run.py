@@ -1,20 +1,29 @@
-"""Motions of runs that are planned: a cycle of one payout at a load and speed, as those of a
-campaign.
+"""Runs that are planned: cycles of one payout at a load and speed, as those of a campaign, made as
+the rig would make them and laid out as logs of a fit.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
+import msgspec
 import numpy as np
 
+from winchcascade.core.errors import OptionError
+from winchcascade.core.jobs import all_at_once
 from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.fit.block_means import PAYOUT
 from winchcascade.diagnosis.fit.misfit import Fitted
+from winchcascade.rig.effects.run_order import RunOrder, RunPlace
+from winchcascade.rig.simulate import Simulation, simulate
 
 if TYPE_CHECKING:
-    pass
+    from winchcascade.core.rig_file import Rig
+    from winchcascade.diagnosis.fit.nuisances import Nuisance
+    from winchcascade.rig.parts import Model
 
 
 RAMP, HOLD, REST, BACK, SHORTEST = 0.15, 0.4, 0.2, 0.6, 0.01
@@ -101,3 +110,136 @@ def planned(load: float, speed: float, length: float, time: float, rate: float) 
         samples=t.size,
         load=load,
     )
+
+
+SEED = 1
+"""Seed of the noise of planned runs, and of random plans."""
+
+
+Place = Literal["first", "any", "last"]
+"""When a run is made: with a machine that is cold, at any time, or after all other runs."""
+
+
+class PlannedRun(msgspec.Struct, frozen=True):
+    """A run to be made: load [ohm], speed of the plateau [m/s], number of cycles, and its place
+    among the runs.
+    """
+
+    load: float
+    speed: float
+    cycles: int = 1
+    place: Place = "any"
+
+
+class Setting(NamedTuple):
+    """How runs are made on a rig.
+
+    Parameters
+    ----------
+    rig, model : with the numbers of its file, and the model that best describes it
+    length, time : travel of a payout [m], and time of a stroke at the top speed of the campaign [s]
+    rate : samples a second [Hz]
+    noise : of a sample of each channel that is logged, SI units; None for `SAMPLE_NOISE`
+    data : logs so far, None before any
+    """
+
+    rig: Rig
+    model: Model
+    length: float
+    time: float
+    rate: float
+    noise: Mapping[str, float] | None = None
+    data: Fitted | None = None
+
+
+SAMPLE_NOISE = 0.002
+"""Noise of a sample before a campaign, as a share of the largest value of the channel in all
+runs. Assumed. [1]
+"""
+
+
+class Prospect(NamedTuple):
+    """Runs that may be made, as logs of a fit, and what they share with the logs so far.
+
+    `carried` (q, n) are nuisances of the runs, in their units, over those of the logs so far; what
+    concerns one log alone is none of these.
+    """
+
+    runs: Fitted
+    carried: Signal
+
+    def carried_beside(self, fields: int) -> Signal:
+        """Fields of an explanation, and then nuisances of the runs, over those of the logs so
+        far.
+        """
+        count, known = self.carried.shape
+        carried = np.eye(fields + count, fields + known)
+        carried[fields:, fields:] = self.carried
+        return carried
+
+
+def prospect_of(setting: Setting, options: Sequence[PlannedRun]) -> Prospect:
+    """Lay out runs that may be made.
+
+    Raises
+    ------
+    OptionError : in none of them the generator delivers anything
+    """
+    made = [one.run for one in simulated(setting, options)]
+    noise = setting.noise or {
+        name: SAMPLE_NOISE * max(float(np.max(np.abs(run.channels[name]))) for run in made)
+        for name in made[0].channels
+    }
+    if noise.get("vdc", 1.0) == 0.0:
+        raise OptionError(
+            "no planned run is fast enough for a voltage at the DC link; expected faster ones."
+        )
+    data = setting.data
+    noisy = [_with_noise(run, noise, setting.rig) for run in made]
+    places = [_place(data, one) for one in options]
+    scales = None if data is None else data.scales
+    runs = Fitted(noisy, setting.rig, scales=scales, places=places)
+    known = runs if data is None else data
+    carried = np.zeros((len(runs.nuisances), len(known.nuisances)))
+    own = {_key(n): i for i, n in enumerate(known.nuisances) if n.kind != "zero"}
+    for j, n in enumerate(runs.nuisances):
+        if (i := own.get(_key(n))) is not None:
+            carried[j, i] = known.nuisances[i].sd / n.sd
+    return Prospect(runs, carried)
+
+
+def simulated(setting: Setting, options: Sequence[PlannedRun]) -> list[Simulation]:
+    """Runs as the rig would make them, by sensors without errors."""
+    motion, model = (setting.length, setting.time, setting.rate), setting.model.physics
+    return all_at_once(
+        [partial(simulate, planned(one.load, one.speed, *motion), model) for one in options]
+    )
+
+
+def _key(n: Nuisance) -> tuple[str, ...]:
+    """What a nuisance is, whatever its tolerance."""
+    return (n.kind, n.section, n.name, n.phase, n.course, f"{n.load:g}")
+
+
+def _with_noise(run: Run, noise: Mapping[str, float], rig: Rig) -> Run:
+    """A simulated run as it would be logged: with the channels whose noise of a sample is known."""
+    rng = np.random.default_rng(SEED)
+    channels = {
+        name: x + rng.normal(0.0, noise[name], x.size)
+        for name, x in run.channels.items()
+        if name in noise
+    }
+    return msgspec.structs.replace(run, channels=channels, simulated=False, rig=rig)
+
+
+def _place(data: Fitted | None, option: PlannedRun) -> RunPlace:
+    """The place of a run among the others; before a campaign it is made cold, or as warm as the
+    machine becomes.
+    """
+    if data is None:
+        return RunPlace(RunOrder((0.0, 1.0), (1.0, 1.0)), int(option.place != "first"))
+    order = data.order
+    known = [
+        heat for heat, log in zip(order.heat, data.logs, strict=True) if log.load == option.load
+    ]
+    return RunPlace(order.with_run(float(np.mean(known or order.heat))), len(order.heat))

@@ -9,39 +9,38 @@ their prior; the information of several runs adds up.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from functools import partial
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
-import msgspec
 import numpy as np
 
-from winchcascade.core.errors import OptionError
 from winchcascade.core.integrate import white_noise
-from winchcascade.core.jobs import all_at_once
-from winchcascade.core.run import Run, Signal
+from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnosis_result import Experiment, NamedCause
-from winchcascade.diagnosis.explain.contributions import joint_covariance
-from winchcascade.diagnosis.explain.planned_run import planned, usual
+from winchcascade.diagnosis.explain.planned_run import (
+    PlannedRun,
+    Prospect,
+    Setting,
+    prospect_of,
+    simulated,
+    usual,
+)
+from winchcascade.diagnosis.fit.covariance import joint_covariance
 from winchcascade.diagnosis.fit.entries import LOAD
 from winchcascade.diagnosis.fit.evidence import ROUNDING, Fit
 from winchcascade.diagnosis.fit.marginal import WILD, are_together
-from winchcascade.diagnosis.fit.misfit import Fitted, Variant
+from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.predict import CHANNELS
-from winchcascade.diagnosis.fit.suspects import varied
+from winchcascade.diagnosis.fit.suspects import freedom, varied
 from winchcascade.diagnosis.judge.causes import swap
 from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.rig.effects.effect import ActiveEffect
-from winchcascade.rig.effects.run_order import RunOrder, RunPlace
 from winchcascade.rig.physics import RPM
-from winchcascade.rig.simulate import Simulation, simulate
+from winchcascade.rig.simulate import Simulation
 
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
-    from winchcascade.diagnosis.fit.nuisances import Nuisance
     from winchcascade.diagnosis.fit.search import Found
-    from winchcascade.rig.effects.effect import Values
-    from winchcascade.rig.parts import Model
 
 
 SPEEDS, LOADS = (0.6, 1.0), 5
@@ -60,10 +59,6 @@ STEP = 0.02
 """Share of the plausible range of a field by which its derivative is taken. [1]"""
 
 
-SEED = 1
-"""Seed of the noise of planned runs, and of random plans."""
-
-
 CLEAR = 3.0
 """Standard deviations at which two effects count as separated."""
 
@@ -72,130 +67,6 @@ PAIRS = 3
 """Maximum number of pairs of look-alikes for which a run is looked for, until one is found that
 separates them.
 """
-
-
-Place = Literal["first", "any", "last"]
-"""When a run is made: with a machine that is cold, at any time, or after all other runs."""
-
-
-class PlannedRun(msgspec.Struct, frozen=True):
-    """A run to be made: load [ohm], speed of the plateau [m/s], number of cycles, and its place
-    among the runs.
-    """
-
-    load: float
-    speed: float
-    cycles: int = 1
-    place: Place = "any"
-
-
-# ----------------------------------------------------------------------------------- planned runs
-class Setting(NamedTuple):
-    """How runs are made on a rig.
-
-    Parameters
-    ----------
-    rig, model : with the numbers of its file, and the model that best describes it
-    length, time : travel of a payout [m], and time of a stroke at the top speed of the campaign [s]
-    rate : samples a second [Hz]
-    noise : of a sample of each channel that is logged, SI units; None for `SAMPLE_NOISE`
-    data : logs so far, None before any
-    """
-
-    rig: Rig
-    model: Model
-    length: float
-    time: float
-    rate: float
-    noise: Mapping[str, float] | None = None
-    data: Fitted | None = None
-
-
-SAMPLE_NOISE = 0.002
-"""Noise of a sample before a campaign, as a share of the largest value of the channel in all
-runs. Assumed. [1]
-"""
-
-
-class Prospect(NamedTuple):
-    """Runs that may be made, as logs of a fit, and what they share with the logs so far.
-
-    `carried` (q, n) are nuisances of the runs, in their units, over those of the logs so far; what
-    concerns one log alone is none of these. `places` are those of the runs among all.
-    """
-
-    runs: Fitted
-    carried: Signal
-    places: Sequence[RunPlace]
-
-    def acting(self, one: Explanation) -> tuple[Signal, dict[str, ActiveEffect]]:
-        """Nuisances of the runs (q,), and the effects as they act there, by name."""
-        return self.carried @ one.nu, {
-            name: self.placed(effect) for name, effect in one.effects.items()
-        }
-
-    def carried_beside(self, fields: int) -> Signal:
-        """Fields of an explanation, and then nuisances of the runs, over those of the logs so
-        far.
-        """
-        count, known = self.carried.shape
-        carried = np.eye(fields + count, fields + known)
-        carried[fields:, fields:] = self.carried
-        return carried
-
-    def placed(self, effect: ActiveEffect) -> ActiveEffect:
-        """An effect as it acts in the planned runs, which are each made at their own place."""
-        over_runs, places = effect.effect.over_runs, self.places
-        if over_runs is None:
-            return effect
-
-        def in_run(values: Values, place: RunPlace) -> Values:
-            return over_runs(values, places[place.number])
-
-        return ActiveEffect(msgspec.structs.replace(effect.effect, over_runs=in_run), effect.values)
-
-
-def prospect_of(setting: Setting, options: Sequence[PlannedRun]) -> Prospect:
-    """Lay out runs that may be made.
-
-    Raises
-    ------
-    OptionError : in none of them the generator delivers anything
-    """
-    made = [one.run for one in simulated(setting, options)]
-    noise = setting.noise or {
-        name: SAMPLE_NOISE * max(float(np.max(np.abs(run.channels[name]))) for run in made)
-        for name in made[0].channels
-    }
-    if noise.get("vdc", 1.0) == 0.0:
-        raise OptionError(
-            "no planned run is fast enough for a voltage at the DC link; expected faster ones."
-        )
-    data = setting.data
-    noisy = [_with_noise(run, noise, setting.rig) for run in made]
-    runs = Fitted(noisy, setting.rig, scales=None if data is None else data.scales)
-    known = runs if data is None else data
-    carried = np.zeros((len(runs.nuisances), len(known.nuisances)))
-    own = {_key(n): i for i, n in enumerate(known.nuisances) if n.kind != "zero"}
-    for j, n in enumerate(runs.nuisances):
-        if (i := own.get(_key(n))) is not None:
-            carried[j, i] = known.nuisances[i].sd / n.sd
-    found = Prospect(runs, carried, [_place(data, one) for one in options])
-    runs.stated_by_run = [found.placed(effect) for effect in runs.stated_by_run]
-    return found
-
-
-def simulated(setting: Setting, options: Sequence[PlannedRun]) -> list[Simulation]:
-    """Runs as the rig would make them, by sensors without errors."""
-    motion, model = (setting.length, setting.time, setting.rate), setting.model.physics
-    return all_at_once(
-        [partial(simulate, planned(one.load, one.speed, *motion), model) for one in options]
-    )
-
-
-def _key(n: Nuisance) -> tuple[str, ...]:
-    """What a nuisance is, whatever its tolerance."""
-    return (n.kind, n.section, n.name, n.phase, n.course, f"{n.load:g}")
 
 
 def _rated(rig: Rig, run: Simulation) -> float:
@@ -209,30 +80,6 @@ def _rated(rig: Rig, run: Simulation) -> float:
     return min(
         [1.0, *(limit.value / most for limit, most in reached if limit is not None and most > 0.0)]
     )
-
-
-def _with_noise(run: Run, noise: Mapping[str, float], rig: Rig) -> Run:
-    """A simulated run as it would be logged: with the channels whose noise of a sample is known."""
-    rng = np.random.default_rng(SEED)
-    channels = {
-        name: x + rng.normal(0.0, noise[name], x.size)
-        for name, x in run.channels.items()
-        if name in noise
-    }
-    return msgspec.structs.replace(run, channels=channels, simulated=False, rig=rig)
-
-
-def _place(data: Fitted | None, option: PlannedRun) -> RunPlace:
-    """The place of a run among the others; before a campaign it is made cold, or as warm as the
-    machine becomes.
-    """
-    if data is None:
-        return RunPlace(RunOrder((0.0, 1.0), (1.0, 1.0)), int(option.place != "first"))
-    order = data.order
-    known = [
-        heat for heat, log in zip(order.heat, data.logs, strict=True) if log.load == option.load
-    ]
-    return RunPlace(order.with_run(float(np.mean(known or order.heat))), len(order.heat))
 
 
 # ---------------------------------------------------------------------------- what runs will tell
@@ -296,48 +143,64 @@ def foresee(
     ----------
     scale : square by which the noise exceeds its estimate [1]
     """
-    runs, (nu, acting) = prospect.runs, prospect.acting(known)
-    at, laws = _of_laws(runs, nu, acting)
-    there, others = (at, laws[:, :0]) if true is None else _of_laws(runs, *prospect.acting(true))
+    runs, nu, acting = prospect.runs, prospect.carried @ known.nu, known.effects
+    here = nu, [*acting.values()]
     fields = [
-        ((nu, [*_without(acting, name), moved]), step)
+        (name, moved, step)
         for name, effect in acting.items()
         for moved, step in varied(effect.effect, np.array(effect.values), STEP)
     ]
-    columns = runs.columns(nu, list(acting.values())).usable()
+    variants = [(nu, [*{**acting, name: moved}.values()]) for name, moved, _ in fields]
+    there = runs.predictions_near(here, variants)
+    at = runs.nearby(here).at
+    by_field = _whitened(runs, (there - at[:, :, None]) / np.array([step for *_, step in fields]))
+    columns = runs.columns(*here).usable()
     nuisances = np.hstack([columns.dense, columns.local.toarray()])
     zero = np.array([n.kind == "zero" for n in runs.nuisances])
     carried = prospect.carried_beside(len(fields))
     new = ~(carried.any(axis=1) | np.append(np.zeros(len(fields), dtype=bool), zero))
     root = _root_of(carried @ known.covariance @ carried.T + np.diag(new.astype(np.float64)))
-    open_ = np.hstack([_moved(runs, fields, at), nuisances]) @ root
-    both = np.column_stack([runs.whiten(there - at), open_]) / math.sqrt(scale)
-    own = np.hstack([nuisances[:, zero], laws, others]) / math.sqrt(scale)
+    open_ = np.hstack([by_field, nuisances]) @ root
+    nothing: tuple[Signal, list[Signal]] = at, []
+    other, others = nothing if true is None else _beside(prospect, known, true)
+    both = np.column_stack([runs.whiten(other - at), open_]) / math.sqrt(scale)
+    laws = [*_of_laws(acting, [name for name, *_ in fields], by_field), *others]
+    own = np.column_stack([nuisances[:, zero], *(LAW * law for law in laws)]) / math.sqrt(scale)
     rows = [slice(len(CHANNELS) * one.start, len(CHANNELS) * one.stop) for one in runs.rows]
     return Foreseen(np.array([_integrated(both[one], own[one]) for one in rows]), root)
 
 
-def _without(acting: Mapping[str, ActiveEffect], name: str) -> list[ActiveEffect]:
-    return [effect for other, effect in acting.items() if other != name]
-
-
-def _of_laws(runs: Fitted, nu: Signal, acting: Mapping[str, ActiveEffect]) -> tuple[Signal, Signal]:
-    """Blocks of runs, (M, 5) in SI units, and what the deviation of each effect from its law
-    moves, whitened, (M * 5, k).
+def _of_laws(
+    acting: Mapping[str, ActiveEffect], owners: Sequence[str], by_field: Signal
+) -> Iterator[Signal]:
+    """What each effect with a law moves as a whole, whitened, (M * 5,), by the derivative over the
+    fields of all, (M * 5, k).
     """
-    at = runs.predict(nu, list(acting.values()))
-    lawful = [name for name, effect in acting.items() if effect.effect.entry is None]
-    return at, _moved(runs, [((nu, _without(acting, name)), 1.0 / LAW) for name in lawful], at)
+    for name, effect in acting.items():
+        if effect.effect.entry is None:
+            own = by_field[:, [owner == name for owner in owners]]
+            yield own @ (np.array(effect.values) - freedom(effect.effect).absent)
 
 
-def _moved(runs: Fitted, variants: Sequence[tuple[Variant, float]], at: Signal) -> Signal:
-    """Derivative of runs by variants, each with its step, whitened, (M * 5, k); of one that
-    cannot be simulated none.
+def _beside(
+    prospect: Prospect, known: Explanation, true: Explanation
+) -> tuple[Signal, list[Signal]]:
+    """Blocks of runs by the true explanation, (M, 5) in SI units, and what each of its effects with
+    a law that the known one lacks moves there, whitened, (M * 5,).
     """
-    if not variants:
-        return np.zeros((at.size, 0))
-    moved = runs.predictions([variant for variant, _ in variants]) - at[:, :, None]
-    whitened = runs.whiten(moved / np.array([step for _, step in variants]))
+    runs, nu, acting = prospect.runs, prospect.carried @ true.nu, true.effects
+    at = runs.predict(nu, [*acting.values()])
+    moved = [
+        at - runs.predict(nu, [one for one in acting.values() if one is not effect])
+        for name, effect in acting.items()
+        if name not in known.effects and effect.effect.entry is None
+    ]
+    return at, [_whitened(runs, one) for one in moved]
+
+
+def _whitened(runs: Fitted, moved: Signal) -> Signal:
+    """What moves blocks of runs, whitened, (M * 5, ...); nothing where it cannot be simulated."""
+    whitened = runs.whiten(moved)
     return np.where(np.all(np.abs(whitened) < WILD, axis=0), whitened, 0.0)
 
 

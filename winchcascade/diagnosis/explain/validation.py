@@ -20,25 +20,26 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.jobs import all_at_once
-from winchcascade.diagnosis.explain.contributions import INPUTS, MOVED, joint_covariance
+from winchcascade.diagnosis.explain.contributions import INPUTS, MOVED
 from winchcascade.diagnosis.explain.windowed import QUANTITIES, WindowedLog, quantities_of, windowed
-from winchcascade.diagnosis.fit.predict import CHANNELS
+from winchcascade.diagnosis.fit.covariance import joint_covariance
+from winchcascade.diagnosis.fit.nuisances import SKEW
+from winchcascade.diagnosis.fit.predict import CHANNELS, without_sensors
 from winchcascade.diagnosis.fit.suspects import varied
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.reduction.uncertainty import budget
-from winchcascade.rig.parts import Sensors
 from winchcascade.rig.simulate import simulate
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
+    from winchcascade.core.accuracy import ErrorSource
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.fit.evidence import Fit
     from winchcascade.diagnosis.fit.misfit import Fitted
     from winchcascade.diagnosis.fit.search import Found
     from winchcascade.rig.effects.effect import ActiveEffect
-    from winchcascade.rig.parts import Model
 
 
 class Compared(msgspec.Struct, frozen=True):
@@ -57,7 +58,8 @@ class Compared(msgspec.Struct, frozen=True):
 
 class Validated(msgspec.Struct, frozen=True):
     """One quantity of one run, a mean over its integration windows: `measured` D with its
-    uncertainty `u_d`, that of the numerical solution `u_num`, and the simulations: `before` by the
+    uncertainty `u_d`, that of the numerical solution `u_num` (the largest share in the runs of the
+    extreme loads), and the simulations: `before` by the
     rig file within its tolerances, `after` by the corrected rig, of a fit without the logs of this
     load where it is `held_out`; None without a cause. `speed` is the mean of the plateaus, None
     without one. SI units.
@@ -105,13 +107,15 @@ def validation_of(
 
     def of_run(k: int, window: float | None) -> list[Validated]:
         one, fit = windowed(data, k, window), held_out.get(k)
-        return _of_run(
-            data, found, fit, one, inputs[k], _read(data, found, fit or found.best, one, covariance)
-        )
+        read = _read(data, found, fit or found.best, one, covariance)
+        return _of_run(data, found, fit, one, inputs[k], read, numerical)
 
-    lengths = enumerate(windows or [None] * len(data.logs))
-    several = all_at_once([partial(of_run, k, window) for k, window in lengths], data.sizes)
-    return tuple(one for own in several for one in own)
+    lengths = [*enumerate(windows or [None] * len(data.logs))]
+    numerical = np.max(
+        [_numerical(data, windowed(data, *lengths[k])) for k in data.extreme_loads], axis=0
+    )
+    jobs = [partial(of_run, k, window) for k, window in lengths]
+    return tuple(one for own in all_at_once(jobs, data.sizes) for one in own)
 
 
 class Read(NamedTuple):
@@ -177,17 +181,28 @@ def _read(
 
 
 def _of_run(
-    data: Fitted, found: Found, held_out: Fit | None, one: WindowedLog, inputs: Signal, read: Read
+    data: Fitted,
+    found: Found,
+    held_out: Fit | None,
+    one: WindowedLog,
+    inputs: Signal,
+    read: Read,
+    numerical: Signal,
 ) -> list[Validated]:
-    """Every metric of one run that the log gives."""
+    """Every metric of one run that the log gives.
+
+    Parameters
+    ----------
+    numerical : (14,) share of each quantity that is uncertain by its numerical solution [1]
+    """
     nothing, k, fit = np.zeros(len(data.nuisances)), one.number, held_out or found.best
     no_skew = no_zero = np.zeros(len(CHANNELS))
     measured = read.quantities
-    before = one.simulated(_without_sensors(data.models(nothing, [])[k]), no_skew, no_zero)
+    before = one.simulated(without_sensors(data.models(nothing, [])[k]), no_skew, no_zero)
     of_inputs = np.where([n.kind in INPUTS for n in data.nuisances], fit.nu, 0.0)
-    corrected = _without_sensors(data.models(of_inputs, fit.effects(found.problem.suspects))[k])
+    corrected = without_sensors(data.models(of_inputs, fit.effects(found.problem.suspects))[k])
     after = one.simulated(corrected, no_skew, no_zero) if fit.names else None
-    u_d, u_num = _of_the_data(one, read), _numerical(data, one)
+    u_d, u_num = _of_the_data(one, read), numerical * np.abs(before)
     rows = []
     for name in METRICS:
         q = QUANTITIES.index(name)
@@ -225,11 +240,6 @@ def _of_run(
     return rows
 
 
-def _without_sensors(model: Model) -> Model:
-    """A model whose sensors have no errors; its motion is as logged."""
-    return msgspec.structs.replace(model, sensors=Sensors(motion_scale=model.sensors.motion_scale))
-
-
 def _of_the_data(one: WindowedLog, read: Read) -> dict[str, float]:
     """Standard uncertainty of the reduced mean of each metric by sensors and gaps; metrics without
     a known one are left out.
@@ -240,21 +250,35 @@ def _of_the_data(one: WindowedLog, read: Read) -> dict[str, float]:
         return {}
     made = budget(one.reduction)
     kept = [
-        row
+        (row, _of_a_lag(row.source, one.log.run.fs))
         for row in made.rows
         if row.source is None or (row.source.channel, row.source.part) not in read.parts
     ]
     return {
         name: math.hypot(
-            float(read.u[QUANTITIES.index(name)]), *(row.of[name] or 0.0 for row in kept)
+            float(read.u[QUANTITIES.index(name)]),
+            *(share * (row.of[name] or 0.0) for row, share in kept),
         )
         for name in METRICS
         if made.sensors[name] is not None
     }
 
 
+def _of_a_lag(source: ErrorSource | None, fs: float) -> float:
+    """Share of an uncertainty that remains beside a fit. [1]
+
+    A fit takes the channels of a logger as read within `SKEW` of a sample of each other, and names
+    a larger lag as an effect; a log alone leaves more open.
+    """
+    if source is None or source.basis != "relation":
+        return 1.0
+    return min(math.sqrt(2.0) * SKEW / (fs * source.u), 1.0)
+
+
 def _numerical(data: Fitted, one: WindowedLog) -> Signal:
-    """Change of each quantity where the step of the simulation is halved, (14,), SI units."""
+    """Change of each quantity where the step of the simulation is halved, as a share of it, (14,).
+    [1]
+    """
     run = one.log.run
     whole, half = (
         quantities_of(
@@ -262,4 +286,5 @@ def _numerical(data: Fitted, one: WindowedLog) -> Signal:
         )
         for part in (1.0, 0.5)
     )
-    return np.nan_to_num(np.abs(half - whole))
+    change, size = np.nan_to_num(np.abs(half - whole)), np.nan_to_num(np.abs(whole))
+    return np.asarray(np.divide(change, size, out=np.zeros_like(size), where=size > 0.0))

@@ -91,10 +91,13 @@ class WindowedLog(NamedTuple):
         ----------
         skew, zeros : (5,) delay of the reading of each channel [s], and its zero
         """
-        run, read = self.log.run, self.log.at_stamps(model, skew, zeros)
-        channels = {"velocity": run.channels["velocity"]} | {
-            name: read[:, k] for k, name in enumerate(CHANNELS)
-        }
+        return self.quantities(self.log.at_stamps(model, skew, zeros))
+
+    def quantities(self, read: Signal) -> Signal:
+        """What `quantities_of` gives for readings at the stamps of the log, (14,) from (n, 5)."""
+        channels = dict(zip(CHANNELS, read.T, strict=True))
+        run = self.log.run
+        channels["velocity"] = run.channels["velocity"]
         return quantities_of(
             msgspec.structs.replace(run, channels=channels), self.rig, self.windows
         )

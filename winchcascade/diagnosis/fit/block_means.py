@@ -70,6 +70,13 @@ class Blocks(msgspec.Struct, frozen=True):
         total = np.concatenate(([0.0], np.cumsum(x)))
         return (total[self.stop] - total[self.start]) / self.count
 
+    def spread(self, x: Signal, size: int) -> Signal:
+        """Values of the blocks, (m, ...), at each of their samples, (size, ...); 0 outside."""
+        found = np.zeros((size, *x.shape[1:]))
+        for begin, end, value in zip(self.start, self.stop, x, strict=True):
+            found[begin:end] = value
+        return found
+
     def scatter(self, x: Signal) -> Signal:
         """Standard deviation of a signal within each block, about its straight line, (m,) in its
         unit.

@@ -11,10 +11,12 @@ import numpy as np
 
 from winchcascade.diagnosis.fit.evidence import Fit, inside_of
 from winchcascade.diagnosis.fit.marginal import weights
+from winchcascade.diagnosis.fit.misfit import Fitted, log_of
+from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.search import Found
 
 if TYPE_CHECKING:
-    from winchcascade.core.run import Signal
+    from winchcascade.core.run import Mask, Signal
 
 
 FEW = 10
@@ -84,3 +86,44 @@ def grown(found: Found, columns: Signal, r: Signal, covariance: Signal, way: Sig
         return 1.0
     together = float(sums.size / (sums.size - 1.0) * (sums @ sums))
     return max(together / float(way @ covariance @ way), 1.0)
+
+
+def joint_covariance(found: Found, fit: Fit | None = None) -> Signal:
+    """Covariance of all fields of a fit, the best one by default, and then of its nuisances, (k +
+    n, k + n): these follow the fields, and scatter about that as the data and their tolerances
+    leave them.
+    """
+    fit, marginal = fit or found.best, found.marginal
+    columns = found.columns(fit)
+    fields = covariance_of(found, fit, columns)
+    follow = marginal.spread @ marginal.columns.onto(marginal.undone(columns))
+    both = fields @ follow.T
+    return np.block([[fields, both], [both.T, follow @ both + marginal.spread_in(found.scale)]])
+
+
+def covariance_without(data: Fitted, found: Found, load: float) -> Signal:
+    """Covariance as `joint_covariance` gives it, of a fit without the logs of a load [ohm]: what
+    these determine is added.
+
+    What concerns one log alone stays as it is known, and a field at a bound stays there.
+    """
+    best, loads = found.best, np.repeat([log.load for log in data.logs], data.sizes)
+    fields = -found.marginal.undone(found.expansion.over(best.names)) * inside_of(best)
+    of_a_log = np.zeros(best.x.size, dtype=bool)
+    for name, effect in zip(best.names, best.effects(found.problem.suspects), strict=True):
+        of_a_log[best.place[name]] = log_of(effect) >= 0
+    prior = np.diag([*best.free.sd**-2.0, *np.ones(len(data.nuisances))])
+
+    def left_by(blocks: Mask) -> Signal:
+        rows = np.repeat(blocks.astype(np.float64), len(CHANNELS))
+        own, others = (
+            np.where(of_a_log, fields, fields * rows[:, None]),
+            found.marginal.columns.masked(rows),
+        )
+        across = others.onto(own)
+        information = np.block([[own.T @ own, across.T], [across, others.squared()]])
+        return np.asarray(np.linalg.inv(information / found.scale + prior))
+
+    return (
+        joint_covariance(found) + left_by(loads != load) - left_by(np.ones(loads.size, dtype=bool))
+    )

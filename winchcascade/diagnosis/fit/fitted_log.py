@@ -4,6 +4,7 @@ in them.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -19,6 +20,9 @@ from winchcascade.rig.steps import COARSE, STEP, resolving
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
+
+    from numpy.typing import NDArray
+    from scipy.sparse import csr_array
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
@@ -231,3 +235,36 @@ def whitener_of_blocks(noise: Noise) -> Signal:
     inverse: Signal = np.linalg.inv(np.linalg.cholesky(covariance))
     inverse[~noise.seen] = 0.0
     return inverse * noise.seen[:, None, :]
+
+
+RHO = 0.2
+"""Correlation of a block's error with the one before: smoothing of the velocity, gusts, ringing."""
+
+
+def whitener_of(
+    noises: Sequence[Noise], taking: Sequence[bool], joined: NDArray[np.bool_]
+) -> csr_array:
+    """Matrix that turns residual blocks of several logs in a row into independent numbers of unit
+    variance, (M * 5, M * 5).
+
+    A channel without information in a block gives zeros, and so does a log that does not take part.
+    Within a phase, a share `RHO` of the block before is subtracted.
+
+    Parameters
+    ----------
+    taking : whether each log takes part
+    joined : (M,) whether a block follows the one before, as in `Blocks`
+    """
+    from scipy.sparse import bsr_array, csr_array, diags_array, eye_array, kron
+
+    of_blocks = np.concatenate(
+        [whitener_of_blocks(noise) * part for noise, part in zip(noises, taking, strict=True)]
+    )
+    size, share = joined.size, 1.0 / math.sqrt(1.0 - RHO * RHO)
+    own = bsr_array((of_blocks, np.arange(size), np.arange(size + 1)))
+    diagonals = [
+        np.where(joined, share, 1.0).tolist(),
+        np.where(joined[1:], -RHO * share, 0.0).tolist(),
+    ]
+    before = diags_array(diagonals, offsets=[0, -1])
+    return csr_array(kron(before, eye_array(len(CHANNELS)), format="csr") @ own.tocsr())

@@ -25,16 +25,17 @@ from winchcascade.diagnosis.fit.block_noise import with_ramps
 from winchcascade.diagnosis.fit.fitted_log import (
     log_for_fit,
     repeats_of,
-    whitener_of_blocks,
+    whitener_of,
     with_channels_of,
 )
 from winchcascade.diagnosis.fit.marginal import Columns
 from winchcascade.diagnosis.fit.nearby import Nearby
 from winchcascade.diagnosis.fit.nuisances import COURSES, LOAD, Nuisance, nuisances
 from winchcascade.diagnosis.fit.predict import ALL_KEPT, CHANNELS, MAX_KEPT
+from winchcascade.diagnosis.fit.suspects import varied
 from winchcascade.rig.baseline import baseline, stated_effects
 from winchcascade.rig.effects.run_order import RunOrder, RunPlace, order_of
-from winchcascade.rig.parts import Model, changed, possible
+from winchcascade.rig.parts import Model, changed, differences, possible
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -45,11 +46,8 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
     from winchcascade.core.scales import Scales
-    from winchcascade.rig.effects.effect import ActiveEffect
+    from winchcascade.rig.effects.effect import ActiveEffect, Values
 
-
-RHO = 0.2
-"""Correlation of a block's error with the one before: smoothing of the velocity, gusts, ringing."""
 
 Variant = tuple["Signal", "Sequence[ActiveEffect]"]
 """Nuisances in units of their tolerance, and the effects that act."""
@@ -59,8 +57,15 @@ ZERO_REACH = 3.0
 """Bound of a zero, in its standard uncertainties; more is a gap. [1]"""
 
 
-PLACES = 3
-"""Number of places of which the derivatives are kept, the newest: a search returns to few."""
+PLACES = 16
+"""Number of places of which the derivatives are kept: the first, at which nothing acts, and the
+newest; a search returns to few."""
+
+
+SERVES = 0.2
+"""Derivatives of another place serve for uncertainties if they miss no more than this share of the
+way from there, or less than a standard deviation of all logs. [1]
+"""
 
 
 class Fitted:
@@ -73,6 +78,7 @@ class Fitted:
     cycles : of each log, the first and last that count, None for all
     withheld : numbers of the logs that are predicted but take part in no fit
     scales : by which they are cut into blocks, those of their own motion by default
+    places : of each log among all runs of its campaign, by default these logs alone
     """
 
     def __init__(
@@ -82,12 +88,14 @@ class Fitted:
         cycles: Sequence[tuple[int, int] | None] | None = None,
         withheld: Collection[int] = (),
         scales: Scales | None = None,
+        places: Sequence[RunPlace] | None = None,
     ) -> None:
         rig = with_thresholds(rig, runs)
         self._same, self.stated_by_run = _without_changes_by_run(rig)
         self.rig, self.nominal, self.withheld = rig, baseline(self._same), frozenset(withheld)
         runs = [with_channels_of(self.nominal, run) for run in runs]
         self.order = _order(runs)
+        self.places = places or [RunPlace(self.order, k) for k in range(len(runs))]
         self.scales = scales or scales_of(rig, motion_of_runs(runs))
         self.nuisances: tuple[Nuisance, ...] = nuisances(rig, runs, self.scales)
         self.cycles = cycles or [None] * len(runs)
@@ -108,7 +116,7 @@ class Fitted:
         for j, n in enumerate(self.nuisances):
             self._of_kind.setdefault(n.kind, []).append((j, n))
         self._deviations = self._places_of_deviations()
-        self._places: dict[object, Nearby] = {}
+        self._places: dict[tuple[bytes, tuple[tuple[str, Values], ...]], Nearby] = {}
         self._take_noise()
 
     def _take_noise(self) -> None:
@@ -116,10 +124,19 @@ class Fitted:
         self.seen = np.concatenate([log.noise.seen for log in self.logs])
         self.noise = np.concatenate([log.noise.total for log in self.logs])
         self.logged_noise = np.concatenate([log.noise.logged for log in self.logs])
-        self.whitener = self._whitener_of(
-            np.concatenate([whitener_of_blocks(log.noise) for log in self.logs])
-        )
+        taking = [k not in self.withheld for k in range(len(self.logs))]
+        noises = [log.noise for log in self.logs]
+        self.whitener = whitener_of(noises, taking, self.blocks.joined)
         self.local = self.whitener @ self._local_columns()
+
+    @property
+    def extreme_loads(self) -> list[int]:
+        """Numbers of a log of the smallest and one of the largest resistance, of those that take
+        part in a fit; what neither of them shows, none between them does.
+        """
+        taking = [k for k in range(len(self.logs)) if k not in self.withheld]
+        by_load = sorted(taking, key=lambda k: self.logs[k].load)
+        return sorted({by_load[0], by_load[-1]})
 
     def with_ramps(self, residual: Signal) -> Fitted | None:
         """The logs with the scatter of a residual within slow ramps, (M, 5), as noise; None
@@ -175,9 +192,8 @@ class Fitted:
         found = [changed(model, LOAD, "compound", loads.get(log.load, 0.0)) for log in self.logs]
         for effect in (*self.stated_by_run, *effects):
             if effect.effect.over_runs is not None:
-                found = [
-                    effect.in_run(RunPlace(self.order, k)).apply(one) for k, one in enumerate(found)
-                ]
+                each = zip(found, self.places, strict=True)
+                found = [effect.in_run(place).apply(one) for one, place in each]
             elif log_of(effect) >= 0:
                 found[log_of(effect)] = effect.apply(found[log_of(effect)])
         return found
@@ -269,31 +285,64 @@ class Fitted:
         )
 
     def nearby(self, place: Variant) -> Nearby:
-        """A place and the derivatives that were taken there; the newest `PLACES` are kept."""
+        """A place and the derivatives that serve there; the newest `PLACES` are kept."""
         nu, effects = place
-        key = nu.tobytes(), tuple((one.effect.name, one.values) for one in effects)
-        found = self._places.pop(key, None)
+        acting = {one.effect.name: one.values for one in effects}
+        key = nu.tobytes(), tuple(acting.items())
+        found = self._places.get(key)
         if found is None:
             courses = [log.course for log in self.logs]
             found = Nearby(
                 courses, self.models(nu, effects), self.skew(nu), self.predict(nu, effects)
             )
-        self._places[key] = found
+            missed = {one: self._missed(known, found) for one, known in self._places.items()}
+            nearest = min(missed, key=missed.__getitem__, default=key)
+            if missed.get(nearest, math.inf) < math.inf:
+                newly = [one for one in effects if one.effect.name not in dict(nearest[1])]
+                found.take(self._places[nearest], missed[nearest], self._changed_by(newly, place))
+        self._places.setdefault(key, found)
         while len(self._places) > PLACES:
-            del self._places[next(iter(self._places))]
+            del self._places[[*self._places][1]]
         return found
 
-    def predictions_near(self, place: Variant, variants: Sequence[Variant]) -> Signal:
+    def _missed(self, known: Nearby, place: Nearby) -> float:
+        """Share of the way from one place to another that the derivatives of the first miss. [1]"""
+        way = known.way_to(place)
+        if way is None or not np.isfinite(way[0]).all():
+            return math.inf
+        moved, missed = (
+            float(np.linalg.norm(self.whiten(one))) for one in (way[0], way[1] - way[0])
+        )
+        return max(missed - 1.0, 0.0) / max(moved, 1.0)
+
+    def _changed_by(self, some: Sequence[ActiveEffect], place: Variant) -> set[str]:
+        """Numbers, by their paths, that a change of a field of some effects of a place changes."""
+        nu, effects = place
+        here, found = self.models(nu, effects), set[str]()
+        for one in some:
+            for moved, _ in varied(one.effect, np.array(one.values), PART):
+                there = self.models(nu, [moved if other is one else other for other in effects])
+                each = zip(here, there, strict=True)
+                found = found.union(*(differences(*pair) or {} for pair in each))
+        return found
+
+    def predictions_near(
+        self, place: Variant, variants: Sequence[Variant], serves: float = SERVES
+    ) -> Signal:
         """Blocks that several models near to a place give, (M, 5, variants): the change of a single
         number by its derivative.
 
         Zeros of sensors and discrepancy of the model are those of the place.
+
+        Parameters
+        ----------
+        serves : share of the way from another place that its derivatives may miss [1]
         """
         models, skews = (
             [self.models(*variant) for variant in variants],
             [self.skew(nu) for nu, _ in variants],
         )
-        return self.nearby(place).predictions(models, skews)
+        return self.nearby(place).predictions(models, skews, serves)
 
     def cells(self) -> Iterator[tuple[int, int, int, NDArray[np.intp]]]:
         """Every channel in every phase of every log: numbers of log, channel and phase, and of
@@ -324,32 +373,6 @@ class Fitted:
             left[rows] -= np.nan_to_num(mean).clip(-ZERO_REACH * u_zero, ZERO_REACH * u_zero)
         return left
 
-    def _whitener_of(self, of_blocks: Signal) -> csr_array:
-        """Matrix that turns residual blocks in a row into independent numbers of unit variance, (M
-        * 5, M * 5).
-
-        A channel without information in a block gives zeros, and so does a withheld log. Within a
-        phase, a share `RHO` of the block before is subtracted.
-
-        Parameters
-        ----------
-        of_blocks : (M, 5, 5) as `Log` has it
-        """
-        from scipy.sparse import bsr_array, csr_array, diags_array, eye_array, kron
-
-        taking = np.concatenate(
-            [np.full(size, k not in self.withheld) for k, size in enumerate(self.sizes)]
-        )
-        size, joined = of_blocks.shape[0], self.blocks.joined
-        own = bsr_array((of_blocks * taking[:, None, None], np.arange(size), np.arange(size + 1)))
-        share = 1.0 / math.sqrt(1.0 - RHO * RHO)
-        diagonals = [
-            np.where(joined, share, 1.0).tolist(),
-            np.where(joined[1:], -RHO * share, 0.0).tolist(),
-        ]
-        before = diags_array(diagonals, offsets=[0, -1])
-        return csr_array(kron(before, eye_array(len(CHANNELS)), format="csr") @ own.tocsr())
-
     def whiten(self, residual: Signal) -> Signal:
         """Residual blocks as independent numbers of unit variance, (M * 5, ...) from (M, 5,
         ...).
@@ -362,25 +385,33 @@ class Fitted:
         return self.whiten(self.measured - self.predict(nu, effects))
 
     def columns(
-        self, nu: Signal, effects: Sequence[ActiveEffect], used: Signal | None = None
+        self,
+        nu: Signal,
+        effects: Sequence[ActiveEffect],
+        used: Signal | None = None,
+        serves: float = SERVES,
     ) -> Columns:
         """Whitened derivative of the prediction over the nuisances.
 
         Parameters
         ----------
         used : (5,) weights of the channels in what is simulated, all 1 by default
+        serves : as for `predictions_near`
         """
-        moved = self.tolerances(nu, effects)
+        moved = self.tolerances(nu, effects, serves)
         return Columns(self.whiten(moved if used is None else moved * used[:, None]), self.local)
 
-    def tolerances(self, nu: Signal, effects: Sequence[ActiveEffect]) -> Signal:
+    def tolerances(
+        self, nu: Signal, effects: Sequence[ActiveEffect], serves: float = SERVES
+    ) -> Signal:
         """What one tolerance of each nuisance that is simulated moves, (M, 5, `simulated`), SI
         units.
         """
         at = self.nearby((nu, effects)).at
         columns, one = np.zeros((*at.shape, self.simulated)), np.eye(nu.size)
         moved = [j for j, n in enumerate(self.nuisances[: self.simulated]) if n.kind != "gain"]
-        there = self.predictions_near((nu, effects), [(nu + PART * one[j], effects) for j in moved])
+        variants = [(nu + PART * one[j], effects) for j in moved]
+        there = self.predictions_near((nu, effects), variants, serves)
         columns[:, :, moved] = (there - at[:, :, None]) / PART
         for j, n in self._of_kind.get("gain", ()):
             columns[:, CHANNELS.index(n.name), j] = at[:, CHANNELS.index(n.name)] * n.sd

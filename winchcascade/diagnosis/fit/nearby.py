@@ -1,32 +1,49 @@
-"""What small changes move about one place of a fit, with one derivative for each number of the
-model and log.
+"""What small changes move about one place of a fit, by derivatives that are each taken once.
 
 A tolerance of the rig file and a suspect often change the same number, and a load that of one log
-alone: the derivative over a number is taken once, and serves all that change it.
+alone: the derivative serves all that change it. Derivatives that foresee what leads from their
+place to another one serve there too.
 """
 
 from __future__ import annotations
 
+import math
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from winchcascade.core.jobs import all_at_once
-from winchcascade.rig.parts import only_change
+from winchcascade.diagnosis.fit.predict import without_sensors
+from winchcascade.rig.parts import differences
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.fit.predict import Course
     from winchcascade.rig.parts import Model
 
 
+ROUNDING = 1e-9
+"""Share of what cancels that remains of a change by rounding. [1]"""
+
+
+class Slope(NamedTuple):
+    """What a change of some numbers of a model, by their paths, moves in the blocks of a log, (m,
+    5); the first number is what it is kept by. `missed` is the share of the way from where it was
+    taken that its place does not foresee. [1]
+    """
+
+    along: dict[str, float]
+    moves: Signal
+    missed: float = 0.0
+
+
 class Nearby:
     """A place of a fit: the model of each log, the delay of the reading of each channel, (5,) [s],
-    the prediction `at` it, (M, 5) in SI units, and the derivatives that were taken there.
+    the prediction `at` it, (M, 5) in SI units, and the derivatives of each log.
     """
 
     def __init__(
@@ -35,32 +52,103 @@ class Nearby:
         self._courses, self._models, self._skew, self.at = courses, models, skew, at
         self._sizes = [course.blocks.size for course in courses]
         self._rows = [slice(a, b) for a, b in pairwise(np.cumsum([0, *self._sizes]).tolist())]
-        here = zip(self._courses, self._models, strict=True)
-        self._read = [course.predict(model, skew=self._skew) for course, model in here]
-        self._slopes: list[dict[str, Signal]] = [{} for _ in courses]
+        self._read = [self._predicted(k, model, skew) for k, model in enumerate(models)]
+        true = (without_sensors(model) for model in models)
+        self._true = [self._predicted(k, model, None) for k, model in enumerate(true)]
+        self._slopes: list[dict[str, Slope]] = [{} for _ in courses]
 
-    def predictions(self, models: Sequence[list[Model]], skews: Sequence[Signal]) -> Signal:
+    def take(self, known: Nearby, missed: float, newly: set[str]) -> None:
+        """Use the derivatives of another place too, which miss a share of the way from there; but
+        not over numbers that are `newly` changed here: what the cooling of a gas moves depends on
+        whether it heats.
+
+        Those that move nothing in a log but something in another one miss nothing: no current
+        reaches a roll-off in open circuit.
+        """
+        moving = {n for own in known._slopes for n, one in own.items() if one.moves.any()}
+
+        def served(number: str, one: Slope) -> Slope:
+            inert = number in moving and not one.moves.any()
+            return one._replace(missed=0.0 if inert else one.missed + missed)
+
+        self._slopes = [
+            {n: served(n, one) for n, one in own.items() if newly.isdisjoint(one.along)}
+            for own in known._slopes
+        ]
+
+    def _predicted(self, k: int, model: Model, skew: Signal | None) -> Signal:
+        return self._courses[k].predict(model, skew=skew)
+
+    def predictions(
+        self, models: Sequence[list[Model]], skews: Sequence[Signal], serves: float
+    ) -> Signal:
         """Blocks by some models of each log and delays of the readings, (M, 5, variants).
 
         Zeros of sensors and discrepancy of the model are as here.
+
+        Parameters
+        ----------
+        serves : share of the way from another place that its derivatives may miss [1]
         """
 
         def of_log(k: int) -> Signal:
-            each = [self._moved(k, own[k], skew) for own, skew in zip(models, skews, strict=True)]
-            return self.at[self._rows[k]][:, :, None] + np.stack(each, axis=2)
+            at = self.at[self._rows[k]]
+            found = np.empty((*at.shape, len(skews)))
+            for one, (own, skew) in enumerate(zip(models, skews, strict=True)):
+                found[:, :, one] = at + self._moved(k, own[k], skew, serves)
+            return found
 
         jobs = [partial(of_log, k) for k in range(len(self._courses))]
         return np.concatenate(all_at_once(jobs, self._sizes))
 
-    def _moved(self, k: int, model: Model, skew: Signal) -> Signal:
+    def _moved(self, k: int, model: Model, skew: Signal, serves: float) -> Signal:
         """What another model and other delays move in the blocks of a log, (m, 5)."""
-        change = only_change(self._models[k], model) if np.array_equal(skew, self._skew) else None
-        if change is not None and not change[0]:
-            return np.zeros_like(self.at[self._rows[k]])
-        slopes = self._slopes[k]
-        if change is not None and change[0] in slopes:
-            return slopes[change[0]] * change[1]
-        moved = self._courses[k].predict(model, skew=skew) - self._read[k]
-        if change is not None:
-            slopes[change[0]] = moved / change[1]
+        change = differences(self._models[k], model) if np.array_equal(skew, self._skew) else None
+        if change is None:
+            return self._predicted(k, model, skew) - self._read[k]
+        foreseen, left = _foreseen(self._slopes[k], change, serves)
+        if not left:
+            return np.zeros_like(self._read[k]) + foreseen
+        moved = self._predicted(k, model, skew) - self._read[k]
+        self._slopes[k][min(left)] = Slope(left, moved - foreseen)
         return moved
+
+    def way_to(self, other: Nearby) -> tuple[Signal, Signal] | None:
+        """What leads from here to another place in the blocks, (M, 5), and what derivatives here
+        foresee of it, both without errors of sensors; None where they know only a part of the way.
+        """
+        moved, foreseen = [], []
+        for k, (here, there) in enumerate(zip(self._models, other._models, strict=True)):
+            way = differences(without_sensors(here), without_sensors(there))
+            known, left = _foreseen(self._slopes[k], way or {}, math.inf)
+            if way is None or left:
+                return None
+            foreseen.append(np.zeros_like(self._true[k]) + known)
+            moved.append(other._true[k] - self._true[k])
+        return np.concatenate(moved), np.concatenate(foreseen)
+
+
+def _foreseen(
+    slopes: Mapping[str, Slope], change: Mapping[str, float], serves: float
+) -> tuple[Signal | float, dict[str, float]]:
+    """What a change of some numbers moves in the blocks of a log by derivatives, (m, 5), and what
+    is left of it, along which there is none.
+
+    Each derivative is along numbers that follow the one that it is kept by, so that one pass in
+    their order suffices.
+    """
+    moved: Signal | float = 0.0
+    left, ahead = dict(change), sorted(change)
+    while ahead:
+        number = ahead.pop(0)
+        if number not in slopes or slopes[number].missed > serves:
+            continue
+        along, moves, _ = slopes[number]
+        share = left.pop(number) / along[number]
+        moved = moved + share * moves
+        for other, by in along.items():
+            was, taken = left.pop(other, 0.0), share * by
+            if other != number and abs(was - taken) > ROUNDING * max(abs(was), abs(taken)):
+                left[other] = was - taken
+        ahead = sorted(one for one in left if one > number)
+    return moved, left

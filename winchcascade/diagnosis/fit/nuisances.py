@@ -214,6 +214,16 @@ def quantity_of(rig: Rig, section: str, name: str) -> Quantity | None:
     return number
 
 
+def stated_share(rig: Rig, nuisance: Nuisance) -> float:
+    """Share of the uncertainty of a nuisance that is one of an input of the model, as the rig file
+    states it; what a fit allows beside it is an error of the model. [1]
+    """
+    if nuisance.kind != "rig":
+        return float(nuisance.kind == "load")
+    number = quantity_of(rig, nuisance.section, nuisance.name)
+    return 0.0 if number is None else (number.u or 0.0) / nuisance.sd
+
+
 def with_quantity(rig: Rig, section: str, name: str, number: Quantity | None) -> Rig:
     """A rig with another number."""
     part = msgspec.structs.replace(getattr(rig, section), **{name: number})

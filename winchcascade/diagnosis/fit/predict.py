@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from winchcascade.rig.kernel import SHAFT, LineMotion, solve_shaft
+from winchcascade.rig.parts import Sensors
 from winchcascade.rig.readings import path_of, readings, recorded
 from winchcascade.rig.simulate import READ, motion_of
 from winchcascade.rig.state import Constants, ShaftNumbers, constants
@@ -142,7 +144,12 @@ class Course:
         return np.asarray(self.matrix @ on_grid)
 
 
-MAX_KEPT = 16
+def without_sensors(model: Model) -> Model:
+    """A model whose sensors have no errors; its motion is as logged."""
+    return msgspec.structs.replace(model, sensors=Sensors(motion_scale=model.sensors.motion_scale))
+
+
+MAX_KEPT = 128
 """Maximum number of solutions kept for a log; the one that was used longest ago is dropped
 first.
 """

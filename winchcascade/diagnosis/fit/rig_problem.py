@@ -8,9 +8,10 @@ import msgspec
 import numpy as np
 
 from winchcascade.diagnosis.fit.entries import price_of
-from winchcascade.diagnosis.fit.marginal import WILD, Columns, Together
+from winchcascade.diagnosis.fit.marginal import WILD, Columns, Together, huber
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.predict import CHANNELS
+from winchcascade.diagnosis.fit.suspects import with_values
 from winchcascade.rig.effects.catalogue import SIMPLIFICATIONS
 
 if TYPE_CHECKING:
@@ -22,19 +23,25 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.fit.suspects import Suspects
     from winchcascade.rig.effects.effect import ActiveEffect
 
+FAITHFUL = 0.1
+"""Derivatives of another place serve in a fit if they miss no more than this share of the way from
+there. [1]
+"""
+
 
 class RigProblem(msgspec.Struct, frozen=True):
     """The logs of a rig as a `Problem`: which effects explain what the model of the rig file
     leaves.
 
-    `rows` (M * 5,) are weights of the residuals, 0 for what takes no part; None for all.
-    `exclusive` are suspects that change numbers which the logs know together alone.
+    `exclusive` are suspects that change numbers which the logs know together alone. Derivatives of
+    another place `serves` where they miss no more than this share of the way from there; for what
+    acts no more than `FAITHFUL`. [1]
     """
 
     data: Fitted
     suspects: Suspects
-    rows: Signal | None = None
     exclusive: tuple[Together, ...] = ()
+    serves: float = FAITHFUL
 
     @property
     def groups(self) -> NDArray[np.intp]:
@@ -43,9 +50,22 @@ class RigProblem(msgspec.Struct, frozen=True):
 
     @property
     def begins(self) -> dict[str, tuple[float, ...]]:
-        """Usual multiples of wrong entries, and simplifications as a whole."""
+        """Usual multiples of wrong entries, and simplifications as a whole, with which the logs of
+        the smallest and the largest resistance deviate less than with none.
+        """
         usual = {name: effect.fields[0].usual for name, effect in self.suspects.items()}
-        return usual | {name: (1.0,) for name in self.suspects if name in SIMPLIFICATIONS}
+        usual |= {name: (1.0,) for name in self.suspects if name in SIMPLIFICATIONS}
+        begins = [(name, value) for name, values in usual.items() for value in values]
+        effects = [[with_values(self.suspects[name], np.array([x]))] for name, x in begins]
+        data, nothing = self.data, np.zeros(self.nuisances)
+        few = data.extreme_loads
+        rows = np.concatenate([np.arange(data.measured.shape[0])[data.rows[k]] for k in few])
+        gap = np.zeros((*data.measured.shape, len(begins) + 1))
+        predicted = data.predictions([(nothing, own) for own in ([], *effects)], few)
+        gap[rows] = data.measured[rows, :, None] - predicted
+        given, *sizes = (huber(z) for z in self._whitened(gap).T)
+        lower = [one for one, size in zip(begins, sizes, strict=True) if size < given]
+        return {name: tuple(x for other, x in lower if other == name) for name, _ in lower}
 
     def price(self, name: str) -> float:
         """Logarithm of the prior odds against a suspect [1]."""
@@ -66,16 +86,19 @@ class RigProblem(msgspec.Struct, frozen=True):
         5, k).
         """
         data, variants = self.data, [(nu, effects) for effects in several]
-        predicted = (
-            data.predictions(variants)
-            if near is None
-            else data.predictions_near((nu, near), variants)
-        )
-        z = data.whiten(data.measured[:, :, None] - predicted)
-        z = np.clip(np.nan_to_num(z, nan=WILD), -WILD, WILD)
-        return z if self.rows is None else z * self.rows[:, None]
+        if near is None:
+            return self._whitened(data.measured[:, :, None] - data.predictions(variants))
+        predicted = np.empty((*data.measured.shape, len(variants)))
+        changed = np.array([len(effects) == len(near) for effects in several], dtype=bool)
+        for which, serves in ((changed, FAITHFUL), (~changed, self.serves)):
+            own = [variants[k] for k in np.flatnonzero(which)]
+            predicted[:, :, which] = data.predictions_near((nu, near), own, serves)
+        return self._whitened(data.measured[:, :, None] - predicted)
+
+    def _whitened(self, gap: Signal) -> Signal:
+        """Blocks, (M, 5, k), as residuals; `WILD` where nothing can be simulated."""
+        return np.clip(np.nan_to_num(self.data.whiten(gap), nan=WILD), -WILD, WILD)
 
     def nuisance_columns(self, effects: Sequence[ActiveEffect], nu: Signal) -> Columns:
         """Whitened derivative of the prediction over the nuisances."""
-        columns = self.data.columns(nu, effects)
-        return columns if self.rows is None else columns.masked(self.rows)
+        return self.data.columns(nu, effects, serves=self.serves)

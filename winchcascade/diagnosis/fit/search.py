@@ -45,9 +45,6 @@ MUCH_LOWER = 0.7
 """
 
 
-ROUGH = 0.02
-"""Share of its gain to which a set on a path is fitted. [1]"""
-
 FAR = 12.0
 """Evidence by which a set is so far behind the best that its fit may stay rough: e^-12 of its
 probability.
@@ -90,6 +87,10 @@ class Expansion(msgspec.Struct, frozen=True):
         """Numbers of the fields of some suspects, in their order."""
         return [k for name in names for k in range(self.value.size)[self.place[name]]]
 
+    def over(self, names: Names) -> Signal:
+        """Derivative of the residuals over the fields of some suspects, (n, k)."""
+        return self.columns[:, self.index(names)]
+
     def rated(self, names: Names) -> float:
         """Closed-form evidence for a set, up to a constant."""
         own, free, scale, size = self.index(names), self.free, self.evidence.scale, self.value.size
@@ -118,8 +119,8 @@ class Expansion(msgspec.Struct, frozen=True):
 
     def refitted(self, marginal: Marginal, names: Names, best: Fit) -> Fit:
         """The fit of another set, begun from the fit that this is expanded about."""
-        columns = self.columns[:, self.index(names)]
-        return fit_set(self.evidence.problem, marginal, names, start_of(best), columns, ROUGH)
+        start, columns = start_of(best), self.over(names)
+        return fit_set(self.evidence.problem, marginal, names, start, columns, -math.inf)
 
     def worth(self, names: Names) -> float:
         """Closed-form evidence by which sets of any size compare."""
@@ -231,6 +232,14 @@ class Found(msgspec.Struct, frozen=True):
         """What was searched."""
         return self.expansion.evidence.problem
 
+    def columns(self, fit: Fit) -> Signal:
+        """Derivative of the residuals over the fields of a fit, (n, k), taken anew for one that is
+        not the best.
+        """
+        if fit is self.best:
+            return self.expansion.over(fit.names)
+        return columns_of(self.problem, self.marginal, fit, fit.names)
+
     def fit(self, names: Names, start: Mapping[str, Signal] | None = None) -> Fit:
         """The fit of a set, begun from the best one where the search made none, or one that is
         worse than foreseen there; from fields of some suspects where these are named.
@@ -239,9 +248,10 @@ class Found(msgspec.Struct, frozen=True):
         known, way = self.fits.get(ordered), (self.best.names, ordered)
         if known is None or (way not in self.tried and (start or self._foresees_more(known))):
             self.tried.add(way)
-            columns = None if start else self.expansion.columns[:, self.expansion.index(ordered)]
+            columns = None if start else self.expansion.over(ordered)
             begin = start_of(self.best) | dict(start or {})
-            made = fit_set(self.problem, self.marginal, ordered, begin, columns)
+            near = self.best.loss + 2.0 * FAR * self.scale
+            made = fit_set(self.problem, self.marginal, ordered, begin, columns, near)
             if known is None or _is_more(self.evidence, made, known):
                 self.fits[ordered] = made
         return self.fits[ordered]
@@ -276,6 +286,12 @@ class Found(msgspec.Struct, frozen=True):
         )
         self.fits[fit.names], self.centres[fit.names] = there, Centre(there, expansion, marginal)
         return self.centres[fit.names]
+
+    def exactly(self, problem: Problem) -> Found:
+        """The same with another form of its problem, of which nothing is expanded yet."""
+        evidence = msgspec.structs.replace(self.evidence, problem=problem)
+        expansion = msgspec.structs.replace(self.expansion, evidence=evidence)
+        return msgspec.structs.replace(self, expansion=expansion, centres={})
 
     def led_by(self, names: Names) -> Found:
         """The same with another set as its best, about which the objective was expanded."""
@@ -338,7 +354,10 @@ def _settled(found: Found, on_progress: Callable[[str], None]) -> Found:
     least = evidence.of(found.best) - FAR
     for names, fit in found.sets().items():
         if fit.open > WORTHWHILE and evidence.of(fit) + fit.open > least:
-            found.fits[names] = fit_set(found.problem, found.marginal, names, start_of(fit))
+            columns = found.expansion.over(names)
+            found.fits[names] = fit_set(
+                found.problem, found.marginal, names, start_of(fit), columns
+            )
     return gone_on(found, on_progress)
 
 

@@ -94,8 +94,7 @@ def undetermined(data: Fitted) -> tuple[Direction, ...]:
     """Directions in which the stated numbers of a rig change nothing in some logs, with sensors as
     they are.
 
-    The logs of the largest and of the smallest resistance are asked: what neither of them shows,
-    none between them does.
+    The logs of extreme loads are compared.
     """
     stated = (f"{section}.{name}" for section in SECTIONS for name in in_rig_file(section))
     paths = [path for path in stated if path != RATED and number_of(data.nominal, path) != 0.0]
@@ -120,10 +119,8 @@ def _moved(data: Fitted, path: str) -> Signal:
     """What a number moves in two logs over their noise, for each relative change of it, (n,).
     [1]
     """
-    taking = [log for k, log in enumerate(data.logs) if k not in data.withheld]
-    by_load = sorted(taking, key=lambda log: log.load)
     rows = []
-    for log in (*by_load[:1], *by_load[1:][-1:]):
+    for log in (data.logs[k] for k in data.extreme_loads):
         up, down = (
             log.course.predict(changed(data.nominal, path, "scale", by)) for by in (STEP, -STEP)
         )

@@ -14,8 +14,9 @@ import numpy as np
 from winchcascade.core.errors import OptionError
 from winchcascade.core.extras import require
 from winchcascade.core.files import json_bytes, write_content
+from winchcascade.core.machine_parts import NUMBERS_OF, Restoring, measures
 from winchcascade.core.matlab_file import matlab_bytes
-from winchcascade.core.rig_file import NUMBERS_OF, Restoring, Rig, measures
+from winchcascade.core.rig_file import Rig
 from winchcascade.core.scales import motion_of_runs
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.diagnose import ModelDiagnosis

@@ -14,9 +14,9 @@ import numpy as np
 from winchcascade.core.errors import OptionError
 from winchcascade.core.rig_file import Thresholds
 from winchcascade.diagnosis.diagnosis_result import Judgement
-from winchcascade.diagnosis.explain.contributions import joint_covariance
 from winchcascade.diagnosis.explain.planned_run import usual
 from winchcascade.diagnosis.fit.block_means import PAYOUT
+from winchcascade.diagnosis.fit.covariance import joint_covariance
 from winchcascade.diagnosis.fit.misfit import log_of
 from winchcascade.diagnosis.fit.nuisances import LOAD
 from winchcascade.diagnosis.fit.predict import CHANNELS

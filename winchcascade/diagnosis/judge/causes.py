@@ -16,14 +16,14 @@ from winchcascade.diagnosis.fit.block_means import PHASES
 from winchcascade.diagnosis.fit.covariance import covariance_of
 from winchcascade.diagnosis.fit.entries import is_entry, same_in_logs
 from winchcascade.diagnosis.fit.evidence import Evidence, Fit, inside_of, usual_gain
-from winchcascade.diagnosis.fit.fit_set import columns_of
 from winchcascade.diagnosis.fit.marginal import are_together, weights
 from winchcascade.diagnosis.fit.nuisances import quantity_of
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.search import Found
 from winchcascade.diagnosis.fit.suspects import freedom, varied, with_values
 from winchcascade.diagnosis.judge.closure import share_closed
-from winchcascade.diagnosis.verdict_limits import AS_GOOD, LAW, UNCONFUSED
+from winchcascade.diagnosis.verdict_limits import AS_GOOD, LAW, MIN_RUNS, UNCONFUSED
+from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.parts import IN_RIG, number_of, path_in_rig
 
 if TYPE_CHECKING:
@@ -77,6 +77,7 @@ def causes_of(
     """
     best, suspects, swapped = found.best, found.problem.suspects, look_alikes_of(found)
     without = {name: _without(found, name) for name in best.names}
+    odds = {name: _odds(swapped[name]) + _unseen(data, name) for name in best.names}
     chance, posterior = probabilities(found.sets(), found.evidence), posterior_of(found, best)
     product_of = partial(_product, data, directions, posterior)
     causes = [
@@ -84,12 +85,12 @@ def causes_of(
             effect=name,
             stage=suspects[name].stage,
             probability=min(
-                sum(p for names, p in chance.items() if name in names), 1.0 / _odds(swapped[name])
+                sum(p for names, p in chance.items() if name in names), 1.0 / odds[name]
             ),
             parameters=parameters_of(posterior, suspects[name], name)
             | product_of(suspects[name], name),
             look_alikes=tuple(
-                _named(data, found, one.fit, name, _weight(one) / _odds(swapped[name]))
+                _named(data, found, one.fit, name, _weight(one) / odds[name])
                 for one in swapped[name]
             ),
             weight=without[name].loss - best.loss,
@@ -120,6 +121,16 @@ def _odds(look_alikes: Sequence[LookAlike]) -> float:
     return 1.0 + sum(map(_weight, look_alikes))
 
 
+def _unseen(data: Fitted, name: str) -> float:
+    """Posterior odds over a cause of what changes from run to run and looks like it, where the runs
+    are too few to suspect it: fewer logs must not make a cause more certain. [1]
+    """
+    if len(data.rows) >= MIN_RUNS:
+        return 0.0
+    over_runs = [other for other, effect in EFFECTS.items() if effect.over_runs is not None]
+    return math.exp(-AS_GOOD) * sum(same_in_logs(name, other) for other in over_runs)
+
+
 def probabilities(fits: dict[Names, Fit], evidence: Evidence) -> dict[Names, float]:
     """Posterior probability of each set among those that were fitted."""
     each = np.array([evidence.of(fit) for fit in fits.values()])
@@ -141,10 +152,7 @@ class Posterior(NamedTuple):
 
 def posterior_of(found: Found, fit: Fit) -> Posterior:
     """What the data leave open of the fields of a fit."""
-    if fit is found.best:
-        columns = found.expansion.columns[:, found.expansion.index(fit.names)]
-    else:
-        columns = columns_of(found.problem, found.marginal, fit, fit.names)
+    columns = found.columns(fit)
     weighted, prior = columns * weights(fit.r)[:, None], fit.free.sd**-2.0
     return Posterior(
         fit,

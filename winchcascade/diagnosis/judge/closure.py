@@ -97,7 +97,7 @@ def _without(found: Found, fit: Fit, names: Names, rows: Signal) -> Fit:
     The prior is about the fit, and not about the absence of the suspects.
     """
     own = [k for name in names for k in range(fit.x.size)[fit.place[name]]]
-    moved = found.marginal.undone(found.expansion.columns[:, found.expansion.index(names)])
+    moved = found.marginal.undone(found.expansion.over(names))
     marginal, free, x = found.marginal.masked(rows), fit.free.some(own), fit.x[own]
     columns, r = marginal(moved * rows[:, None]), marginal(fit.given * rows)
     weighted = columns * weights(r)[:, None]

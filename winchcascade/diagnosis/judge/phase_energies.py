@@ -11,7 +11,7 @@ without the discrepancy, and c that over the discrepancy of unit variance, it ha
 as far as the fit follows the data; what does not take part adds 2 g' S b, with g its own derivative
 over all parameters. The discrepancy has the size that the fit finds, as most rigs have less than
 what is allowed of any. That of Vdc is that of Idc, as a load ties them. Of a power that is next to
-nothing the product of the zeros of both counts, too.
+nothing the products of the zeros and of the noise of both count, too.
 """
 
 from __future__ import annotations
@@ -22,13 +22,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from winchcascade.core.integrate import white_noise
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.diagnosis_result import StageEnergy
 from winchcascade.diagnosis.fit.block_means import PHASES
 from winchcascade.diagnosis.fit.evidence import inside_of
 from winchcascade.diagnosis.fit.fit_set import STEP
+from winchcascade.diagnosis.fit.fitted_log import RHO
 from winchcascade.diagnosis.fit.marginal import Columns
-from winchcascade.diagnosis.fit.misfit import LOCAL, RHO
+from winchcascade.diagnosis.fit.misfit import LOCAL
 from winchcascade.diagnosis.fit.nuisances import COURSES, WITHOUT_ZERO, sensor_errors
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.suspects import varied
@@ -100,8 +102,11 @@ def _known(data: Fitted, suspects: Suspects, fit: Fit) -> Known:
         (one, step) for (one, step), inside in zip(steps, inside_of(fit), strict=True) if inside
     ]
     by_nuisance, by_field = data.tolerances(fit.nu, effects), np.zeros((*at.shape, len(of_fields)))
-    for k, (one, step) in enumerate(of_fields):
-        by_field[:, :, k] = (data.predict(fit.nu, [*one.values()]) - at) / step
+    there = data.predictions_near(
+        (fit.nu, effects), [(fit.nu, [*one.values()]) for one, _ in of_fields]
+    )
+    for k, (_, step) in enumerate(of_fields):
+        by_field[:, :, k] = (there[:, :, k] - at) / step
     moved = np.concatenate([by_field, by_nuisance], axis=2)
     prior = np.concatenate([fit.free.sd[inside_of(fit)] ** -2.0, np.ones(fit.nu.size)])
     information = Columns(data.whiten(moved), data.local).squared() / fit.scale
@@ -165,6 +170,7 @@ def _of_stage(
     if stage == "gen":
         weights[:, CHANNELS.index(other)] = blocks.mean(run.channels[name]) * seconds
     zeros = [sensor_errors(data.rig.sensors.get(one))[1] for one in (name, other)]
+    noises = [white_noise(run.channels[one]) for one in (name, other)]
     found = []
     for number, phase in enumerate(PHASES):
         here = blocks.phase == number
@@ -172,7 +178,10 @@ def _of_stage(
             continue
         measured, given, without, fitted = joule[:, here].sum(axis=1).tolist()
         variance = _variance(data, known, k, phase, np.where(here[:, None], weights, 0.0))
-        both = math.prod(zeros) * float(seconds[here].sum()) if stage == "gen" else 0.0
+        both = 0.0
+        if stage == "gen":
+            length, samples = float(seconds[here].sum()), float(blocks.count[here].sum())
+            both = length * math.hypot(math.prod(zeros), math.prod(noises) / math.sqrt(samples))
         u = math.hypot(math.sqrt(variance), both, LAW * (fitted - without))
         found.append(
             StageEnergy(

@@ -85,7 +85,7 @@ def strengths(data: Fitted, found: Found, name: str) -> tuple[NDArray[np.intp], 
     Numbers of the runs that depend on it, (q,), strengths, (q,), and their covariance, (q, q)
     """
     fit, expansion = found.best, found.expansion
-    columns, own = expansion.columns[:, expansion.index(fit.names)], fit.place[name]
+    columns, own = expansion.over(fit.names), fit.place[name]
     way = found.marginal.undone(columns[:, own] @ (fit.x[own] - fit.free.absent[own]))
     sizes = [float(np.sum(way[_rows(rows)] ** 2)) for rows in data.rows]
     runs = np.flatnonzero(np.array(sizes) > NO_PART * sum(sizes))

@@ -28,8 +28,15 @@ from winchcascade.diagnosis.diagnosis_result import (
 )
 from winchcascade.diagnosis.explain.gap_map import weigh
 from winchcascade.diagnosis.fit.block_means import HOLD, scatter_about_course
+from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.judge.closure import DRAWS
-from winchcascade.diagnosis.stages.stage_causes import is_material, is_steady, plan, stage_causes
+from winchcascade.diagnosis.stages.stage_causes import (
+    MATERIAL,
+    is_material,
+    is_steady,
+    plan,
+    stage_causes,
+)
 from winchcascade.diagnosis.stages.stage_fit import StageFit, fit_of, folds_of
 from winchcascade.diagnosis.stages.stage_rows import PARTS_OF_RUN, StageData, StageRows, stage_data
 from winchcascade.diagnosis.verdict_limits import CHANCE, HALF, MOSTLY, OPEN, ROUGH
@@ -72,16 +79,41 @@ class StageClosure(GapClosure, frozen=True):
         return 1.0 - max(after - noise, 0.0) / (before - noise) if before > noise else 0.0
 
 
+class StageAgreement(msgspec.Struct, frozen=True):
+    """Mean power that a stage gives beyond its model while the line pays out, by its laws and by
+    the causes of the model, with standard uncertainties, and the power that `flows` [W].
+    """
+
+    stage: str
+    flows: float
+    by_laws: float
+    u_laws: float
+    by_causes: float
+    u_causes: float
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the difference is within its 95 % interval, or too small to matter.
+
+        >>> StageAgreement("generator", 900.0, -40.0, 3.0, -44.0, 2.0).agrees
+        True
+        """
+        allowed = COVERED * math.hypot(self.u_laws, self.u_causes)
+        return abs(self.by_laws - self.by_causes) <= max(allowed, MATERIAL * self.flows)
+
+
 class StageDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
-    """A diagnosis of stages without a model.
+    """A diagnosis of stages without a model, or beside one.
 
     `places` map the gap path by path and phase by phase, `energies` are those of the judged cycles.
+    Beside a model, `agreement` compares each stage with its causes.
     """
 
     data: StageData
     fit: StageFit
     closure: StageClosure | None = None
     energies: tuple[StageEnergy, ...] = ()
+    agreement: tuple[StageAgreement, ...] = ()
 
 
 @linear_algebra_on_one_thread()
@@ -111,6 +143,13 @@ def diagnose_stages(
     entries.check_withheld()
     on_progress("taking the samples that count")
     data = stage_data(entries, rig, suspects)
+    return diagnosed(data, entries.title, rig, seed, on_progress)
+
+
+def diagnosed(
+    data: StageData, title: str, rig: Rig, seed: int, on_progress: Callable[[str], None]
+) -> StageDiagnosis:
+    """Find the laws that explain some rows, and judge them."""
     on_progress("leaving each cycle out in turn")
     fit = fit_of(data)
     closure = _closure(fit, seed)
@@ -131,7 +170,7 @@ def diagnose_stages(
     causes, candidates = ((), ()) if verdict == "unexplained" else (causes, candidates)
     largest = max(places, key=lambda place: place.share)
     return StageDiagnosis(
-        title=entries.title,
+        title=title,
         rig=rig,
         seed=seed,
         runs=tuple(part.run for part in data.parts),
@@ -214,16 +253,21 @@ def _noise(rows: StageRows, x: Signal) -> float:
 def _closure(fit: StageFit, seed: int) -> StageClosure:
     """Predict every judged row from a fit without it, and resample the cycles for the interval of
     the share.
+
+    Beside a model, whose stages each have a gap of their own size, the stages count on which the
+    laws act.
     """
     data, rows, after = fit.data, fit.data.judged, fit.residual(fit.found.best)
-    fold = folds_of(rows.blocks.cycle)
-    old, new = np.bincount(fold, rows.gap**2), np.bincount(fold, after**2)
+    acted = {k for name in fit.found.best.names for k in data.laws[name].paths}
+    counted = [k for k in range(len(data.paths)) if not (data.beside_model and acted) or k in acted]
+    fold, counts = folds_of(rows.blocks.cycle), np.isin(rows.path, counted)
+    old, new = (np.bincount(fold, counts * x**2) for x in (rows.gap, after))
     draws = np.random.default_rng(seed).integers(old.size, size=(DRAWS, old.size))
     shares = 1.0 - new[draws].sum(axis=1) / np.maximum(old[draws].sum(axis=1), 1e-300)
     share = float(1.0 - new.sum() / max(old.sum(), 1e-300))
     low, high = np.quantile(shares, (0.025, 0.975)).tolist()
     channels = {}
-    for number, path in enumerate(data.paths):
+    for number in counted:
         here = rows.path == number
         noise = [
             _noise(rows.some(own), after[own]) ** 2 * own.size / max(int(np.count_nonzero(here)), 1)
@@ -233,7 +277,8 @@ def _closure(fit: StageFit, seed: int) -> StageClosure:
         before, left = (
             float(np.sqrt(np.mean(x[here] ** 2))) if here.any() else 0.0 for x in (rows.gap, after)
         )
-        channels[path.channel] = Shrunk(before, left, math.sqrt(float(np.nansum(noise))))
+        squares = float(np.nansum(noise))
+        channels[data.paths[number].channel] = Shrunk(before, left, math.sqrt(squares))
     return StageClosure(channels, share, min(low, share), max(high, share), rows=rows, after=after)
 
 
@@ -267,12 +312,8 @@ def _energies(fit: StageFit, after: Signal) -> tuple[tuple[StageEnergy, ...], tu
     """Energies of the judged cycles by path and phase, and an alarm for each whose energies the
     causes do not explain.
 
-    The residuals of a phase are an alarm where their root mean square, or their sum, is more than a
-    small share of the energy, and more than the noise within the phases and the uncertainty of the
-    coefficients allow. The uncertainty that is reported contains the scatter of cycles, too.
+    The uncertainty that is reported contains the scatter of cycles, too.
     """
-    from scipy.special import chdtrc
-
     data, rows, kinds = fit.data, fit.data.judged, len(fit.data.paths) * len(PARTS_OF_RUN)
     code, row, place = np.unique(
         rows.blocks.cycle * kinds + rows.kind, return_index=True, return_inverse=True
@@ -296,21 +337,6 @@ def _energies(fit: StageFit, after: Signal) -> tuple[tuple[StageEnergy, ...], tu
     within, between = (
         np.diag(scale * variance[kind, -1]) for variance in (fit.noise.within, fit.noise.variance)
     )
-    alarms = []
-    for one in np.unique(kind).tolist():
-        here, spot = np.flatnonzero(kind == one), Spot(*_named(data, one))
-        if one % len(PARTS_OF_RUN) == HOLD:
-            continue
-        for sums, noise in (
-            (np.eye(here.size), within),
-            (np.ones((1, here.size)), between),
-        ):  # each cycle, then all
-            left, ruler = sums @ residual[here], sums @ measured[here]
-            allowed = sums @ (noise + of_numbers)[np.ix_(here, here)] @ sums.T
-            size_left = float(np.linalg.norm(left)) / max(float(np.linalg.norm(ruler)), 1e-300)
-            squares = max(float(left @ np.linalg.pinv(allowed, hermitian=True) @ left), 0.0)
-            if size_left > SMALL_ENERGY and float(chdtrc(left.size, squares)) < CHANCE:
-                alarms.append(Alarm("energy", spot, size_left, SMALL_ENERGY))
     u = np.sqrt(np.diag(between + of_numbers))
     numbers = np.array([measured, before, measured - residual, u]).T.tolist()
     energies = [
@@ -326,8 +352,44 @@ def _energies(fit: StageFit, after: Signal) -> tuple[tuple[StageEnergy, ...], tu
         )
         for k, one, (was, given, fitted, sd) in zip(row, kind.tolist(), numbers, strict=True)
     ]
-    largest = {alarm.about: alarm for alarm in sorted(alarms, key=lambda alarm: alarm.size)}
-    return tuple(energies), tuple(sorted(largest.values(), key=lambda alarm: -alarm.size))
+    allowed = within + of_numbers, between + of_numbers
+    return tuple(energies), _energy_alarms(data, kind, measured, residual, allowed)
+
+
+def _energy_alarms(
+    data: StageData, kind: Index, measured: Signal, residual: Signal, allowed: tuple[Signal, Signal]
+) -> tuple[Alarm, ...]:
+    """Energies that are not explained, the largest of a path and phase.
+
+    The residuals of a phase are an alarm where their root mean square, or their sum, is more than a
+    small share of the energy, and more than the noise within the phases and the uncertainty of the
+    coefficients allow. Beside a model it is a share of the energy of the phase that has most, as of
+    the torque of an open clutch no share matters.
+
+    Parameters
+    ----------
+    measured, residual : energies by cycle, path and phase, (n,) [J]
+    allowed : covariances of the residuals, (n, n), of single cycles and of the sum of all [J2]
+    """
+    from scipy.special import chdtrc
+
+    path, phase = np.divmod(kind, len(PARTS_OF_RUN))
+    found: dict[Spot, Alarm] = {}
+    for one in np.unique(kind[phase != HOLD]).tolist():
+        here, spot = np.flatnonzero(kind == one), Spot(*_named(data, one))
+        same = np.unique(kind[path == one // len(PARTS_OF_RUN)]) if data.beside_model else (one,)
+        each = np.eye(here.size), np.ones((1, here.size))
+        for sums, covariance in zip(each, allowed, strict=True):
+            left = sums @ residual[here]
+            of_phases = [measured[kind == other] for other in same]
+            rulers = [float(np.linalg.norm(x if len(sums) > 1 else x.sum())) for x in of_phases]
+            size = float(np.linalg.norm(left)) / max(*rulers, 1e-300)
+            inverse = np.linalg.pinv(sums @ covariance[np.ix_(here, here)] @ sums.T, hermitian=True)
+            chance = float(chdtrc(left.size, max(float(left @ inverse @ left), 0.0)))
+            least = found[spot].size if spot in found else SMALL_ENERGY
+            if size > least and chance < CHANCE:
+                found[spot] = Alarm("energy", spot, size, SMALL_ENERGY)
+    return tuple(sorted(found.values(), key=lambda alarm: -alarm.size))
 
 
 def _named(data: StageData, kind: int) -> tuple[str, str]:

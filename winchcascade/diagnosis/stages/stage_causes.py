@@ -203,19 +203,18 @@ def plan(fit: StageFit, causes: tuple[NamedCause, ...]) -> Experiment | None:
         for cause in causes
         for other in others
     ]
-    if not swaps:
+    if not swaps or data.beside_model:
         return None
     swapped, name, other = max(swaps, key=lambda one: fit.found.expansion.rated(one[0]))
     tried = {
         pair: _significance(fit, fit.found.fit(swapped), *pair) for pair in product(TRIED, TRIED)
     }
     motion, load = max(tried, key=lambda pair: tried[pair])
-    rows = data.fitted.some(data.fitted.path == max(data.laws[name].path, 0))
+    path = data.laws[name].paths[0]
+    rows = data.fitted.some(data.fitted.path == path)
     top, pull = (float(np.quantile(np.abs(x), TOP)) if x.size else math.nan for x in rows.axes.T)
-    axes = data.axes[max(data.laws[name].path, 0)]
-    return Experiment(
-        "scaled", motion * top, (name, other), tried[motion, load], force=load * pull, axes=axes
-    )
+    z, axes = tried[motion, load], data.axes[path]
+    return Experiment("scaled", motion * top, (name, other), z, force=load * pull, axes=axes)
 
 
 def _significance(fit: StageFit, other: Fit, motion: float, load: float) -> float:

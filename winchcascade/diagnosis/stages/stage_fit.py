@@ -303,7 +303,8 @@ def fit_of(data: StageData) -> StageFit:
     rows = noise.whitened(noise.variance)
     rows = rows / math.sqrt(_dependence(data, rows, noise.fold))
     known = (name for name, one in data.laws.items() if one.stated is not None or one.known)
-    found = linear_search(StageProblem(data.suspects, rows, noise.fold, frozenset(known)))
+    problem = StageProblem(data.suspects, rows, noise.fold, frozenset(known))
+    found = linear_search(problem, pruned=not data.beside_model)
     sets = _sets(data.names, found)
     evidence = np.array([found.expansion.rated(names) for names in sets])
     odds = np.exp(evidence - evidence.max())
@@ -312,9 +313,14 @@ def fit_of(data: StageData) -> StageFit:
     )
 
 
-def linear_search(problem: StageProblem) -> Found:
+def linear_search(problem: StageProblem, *, pruned: bool = True) -> Found:
     """Find the set with the most evidence of a linear problem: in closed form about the fit of all
     suspects, whose residuals show the noise, and then about the best set itself.
+
+    Parameters
+    ----------
+    pruned : sets are also pruned from all suspects, not only grown. Beside a model, whose gap is
+        small, a pruned set would be one of large laws that cancel each other but for that gap.
     """
     marginal, every = (
         marginal_about(problem, [], np.zeros(problem.nuisances)),
@@ -325,8 +331,9 @@ def linear_search(problem: StageProblem) -> Found:
         problem, marginal, every, _least_squares(problem, marginal, every), 1.0
     )
     expansion = msgspec.structs.replace(expansion, evidence=Evidence(problem, full.scale))
+    begins = [(), _pruned(expansion, every)] if pruned else [()]
     best = max(
-        (_climbed(expansion, begin) for begin in ((), _pruned(expansion, every))),
+        (_climbed(expansion, begin) for begin in begins),
         key=expansion.worth,
     )
     for _ in range(ROUNDS):

@@ -86,10 +86,14 @@ FAR = 100.0
 
 
 class StagePath(msgspec.Struct, frozen=True):
-    """Two stages that a power flows between, the powers of both being logged."""
+    """Two stages that a power flows between, the powers of both being logged.
+
+    `at` is the stage of a model whose output the power is, empty without a model.
+    """
 
     into: Stage
     out: Stage
+    at: str = ""
 
     @property
     def name(self) -> str:
@@ -98,9 +102,10 @@ class StagePath(msgspec.Struct, frozen=True):
 
     @property
     def place(self) -> str:
-        """Stage of a cause: that of the catalogue between line and shaft."""
+        """Stage of a cause: that of the catalogue with a model, and between line and shaft."""
         ends = self.into.name, self.out.name
-        return "transmission" if ends == ("line", "mech") else f"{ends[0]} to {ends[1]}"
+        without = "transmission" if ends == ("line", "mech") else f"{ends[0]} to {ends[1]}"
+        return self.at or without
 
     @property
     def channel(self) -> str:
@@ -109,16 +114,16 @@ class StagePath(msgspec.Struct, frozen=True):
 
 
 class Suspected(msgspec.Struct, frozen=True):
-    """A law that may act: on one path by its number or, where `path` is -1, through a sensor
-    `channel` on all paths.
+    """A law that may act on the `paths` of these numbers, by itself or through a sensor `channel`.
 
     `stated` is what the rig file states of a law; of a sensor it is `known` where it states an
-    uncertainty.
+    uncertainty. A law beside a model is `signed`: the rig may lose less than its model.
     """
 
     law: StageLaw
-    path: int = -1
+    paths: tuple[int, ...]
     channel: str = ""
+    signed: bool = False
     stated: StatedLaw | None = None
     known: bool = False
 
@@ -128,23 +133,22 @@ Suspecteds = dict[str, Suspected]
 
 
 class StageSignals(msgspec.Struct, frozen=True):
-    """One path in one log: both powers (n,) [W], signals of the laws by name (n,) in SI units, what
-    one unit of h and of o' of a sensor adds to power out minus power in, by channel.
+    """One path in one log: both powers (n,) [W], signals of the laws by name (n,) in SI units, and
+    what one unit of h and of o' of a sensor adds to power out minus power in, by part and channel.
+
+    With a model, `power_in` is the power that it makes come out.
     """
 
     t: Signal
     power_in: Signal
     power_out: Signal
     signals: dict[str, Signal]
-    gains: dict[str, Signal]
-    zeros: dict[str, Signal]
+    errors: dict[Part, dict[str, Signal]]
 
     def column(self, law: StageLaw, channel: str = "") -> Signal:
         """What one unit of the number of a law adds to power out minus power in, (n,). [W]"""
-        if law.kind == "gain":
-            return self.gains.get(channel, np.zeros(self.t.size))
-        if law.kind == "zero":
-            return self.zeros.get(channel, np.zeros(self.t.size))
+        if law.kind == "gain" or law.kind == "zero":
+            return self.errors[law.kind].get(channel, np.zeros(self.t.size))
         if law.kind == "loss":
             sized = [_sized(self.signals[name], power) for name, power in law.over.items()]
             return np.asarray(-np.prod([np.ones(self.t.size), *sized], axis=0))
@@ -205,17 +209,16 @@ def stage_signals(run: Run, rig: Rig, path: StagePath) -> StageSignals:
         if (power := stage.power(channels, radius)) is not None
     ]
     power_in, power_out = (power.stream(channels, radius)(slice(None)) for power in powers)
-    gains: dict[str, Signal] = {}
-    zeros: dict[str, Signal] = {}
+    errors: dict[Part, dict[str, Signal]] = {part: {} for part in PARTS}
     incoming: Collection[str] = ()
     for power, sign in zip(powers, (1.0, -1.0), strict=True):
         found: dict[str, Signal] = {}
         for name in power.channels:
             dimension = rig.known_channels[name].dimension
             if dimension in MEASURING:
-                gain, slope = _by_channel(power, name, run, radius)
-                gains[name] = gains.get(name, 0.0) - sign * gain
-                zeros[name] = zeros.get(name, 0.0) - sign * slope
+                both = zip(errors.values(), _by_channel(power, name, run, radius), strict=True)
+                for of_part, watts in both:
+                    of_part[name] = of_part.get(name, 0.0) - sign * watts
             if (signal := SIGNALS.get(dimension)) is not None:
                 found[signal] = found.get(signal, 0.0) + channels[name]
         incoming = incoming or found.keys()
@@ -238,7 +241,7 @@ def stage_signals(run: Run, rig: Rig, path: StagePath) -> StageSignals:
     own["power"] = np.abs(power_out if at_out and "" not in axes_of(own) else power_in)
     if not {path.into.name, path.out.name} <= {"line", "mech"}:
         own["drive"] = own["power"]
-    return StageSignals(run.t, power_in, power_out, own, gains, zeros)
+    return StageSignals(run.t, power_in, power_out, own, errors)
 
 
 def _of_shaft(run: Run, rig: Rig, power: Signal) -> dict[str, Signal]:
@@ -286,46 +289,65 @@ def suspected_laws(
     ------
     RigError : the rig file states a law that the stage does not have, or in another unit
     """
-    allowed = [
-        name
-        for name in LAWS
-        if name in suspects or (name not in EFFECTS and EFFECTS.keys() <= suspects.keys())
-    ]
-    found: Suspecteds = {}
+    allowed = _allowed(suspects)
     several: list[tuple[str, Suspected]] = []
     for k, (path, one) in enumerate(zip(paths, each, strict=True)):
         stated, signals = _stated(path, one, rig), set(one.signals)
         signals &= {*over, "power", "drive"} if over else signals
         for name in dict.fromkeys((*allowed, *stated)):
             law = LAWS[name]
-            if (
-                law.kind in STORES and rig.phases.source == "rows"
-            ):  # rows of a table are no course of time
-                continue
-            if _acts(law, signals) or name in stated:
-                several.append((name, Suspected(law, k, stated=stated.get(name))))
+            timeless = law.kind in STORES and rig.phases.source == "rows"  # rows of a table
+            if (_acts(law, signals) or name in stated) and not timeless:
+                several.append((name, Suspected(law, (k,), stated=stated.get(name))))
     names = [name for name, _ in several]
-    for name, one_law in several:
-        found[name if names.count(name) == 1 else f"{name}({paths[one_law.path].name})"] = one_law
-    if over:
-        return found
-    # a balance of powers has no scale of its own: the sensors at its end are the reference of the
-    # others
+    found = {
+        name if names.count(name) == 1 else f"{name}({paths[one.paths[0]].name})": one
+        for name, one in several
+    }
+    return found if over else found | _suspected_sensors(each, paths, rig, suspects)
+
+
+def laws_beside_model(
+    each: Sequence[StageSignals], paths: Sequence[StagePath], rig: Rig, suspects: Suspects
+) -> Suspecteds:
+    """Laws that may act beside those of a model, and sensors, by the names of the suspects.
+
+    A law acts alike on all paths that have its signals: what a current loses in the machine lowers
+    its voltage and takes power of the shaft.
+    """
+    found = {
+        name: Suspected(LAWS[name], acts, signed=True)
+        for name in _allowed(suspects)
+        if (acts := tuple(k for k, one in enumerate(each) if _acts(LAWS[name], one.signals)))
+    }
+    return found | _suspected_sensors(each, paths, rig, suspects)
+
+
+def _allowed(suspects: Suspects) -> list[str]:
+    """Laws that may be named, in the order of the catalogue."""
+    every = EFFECTS.keys() <= suspects.keys()
+    return [name for name in LAWS if name in suspects or (every and name not in EFFECTS)]
+
+
+def _suspected_sensors(
+    each: Sequence[StageSignals], paths: Sequence[StagePath], rig: Rig, suspects: Suspects
+) -> Suspecteds:
+    """Errors of sensors that may act.
+
+    A balance of powers has no scale of its own: the sensors at its end are the reference of the
+    others.
+    """
+    allowed, found = _allowed(suspects), Suspecteds()
     reference = {name for power in paths[-1].out.powers for name in power.channels}
-    for channel in dict.fromkeys(name for one in each for name in one.gains):
+    for channel in dict.fromkeys(name for one in each for name in one.errors["gain"]):
+        sensor, dimension = rig.sensors.get(channel), rig.known_channels[channel].dimension
         for part in PARTS[channel in reference :]:
-            name = sensor_suspect(channel, part)
+            name, law = sensor_suspect(channel, part), LAWS[part]
             if name in suspects or (name not in EFFECTS and part in allowed):
-                sensor = rig.sensors.get(channel)
                 known = sensor is not None and part_uncertainty(sensor, part) > 0.0
-                unit = (
-                    si_unit(rig.known_channels[channel].dimension)
-                    if part == "zero"
-                    else LAWS[part].unit
-                )
-                found[name] = Suspected(
-                    msgspec.structs.replace(LAWS[part], unit=unit), channel=channel, known=known
-                )
+                unit = si_unit(dimension) if part == "zero" else law.unit
+                law = msgspec.structs.replace(law, unit=unit)
+                found[name] = Suspected(law, tuple(range(len(paths))), channel, known=known)
     return found
 
 
@@ -403,12 +425,10 @@ def effects_of(
 def _effect(
     name: str, one: Suspected, paths: Sequence[StagePath], most: float, top: float
 ) -> Effect:
-    law, known, number = (
-        one.law,
-        EFFECTS.get(name.partition("(")[0]),
-        0.0 if one.stated is None else one.stated.value,
-    )
-    low, high, least, stage = -min(number, most), most, -number, "sensor"
+    law, known = one.law, EFFECTS.get(name.partition("(")[0])
+    number = 0.0 if one.stated is None else one.stated.value
+    low, high, least = -min(number, most), most, -number
+    stage = "sensor"
     display = Display(
         law.what,
         law.factor,
@@ -420,7 +440,9 @@ def _effect(
         least, far = BROKEN * low, BROKEN * high
         display = msgspec.structs.replace(display, what=f"{law.kind} of {one.channel}", signed=True)
     else:
-        stage, far = paths[one.path].place, FAR * most
+        far = FAR * most
+        low, least = (-most, -far) if one.signed else (low, least)
+        stage = known.stage if one.signed and known is not None else paths[one.paths[-1]].place
     return Effect(
         name=name,
         label=f"{law.label} of {one.channel}"

@@ -191,7 +191,7 @@ def _surface(fit: StageFit, grid: Signal) -> tuple[Signal, Signal]:
     x, y = grid.reshape(-1, 2).T
     power = np.abs(x * y)
     signals = {**dict(zip(data.axes[0], (x, y), strict=True)), "power": power, "drive": power}
-    one = StageSignals(np.arange(float(power.size)), power, power, signals, {}, {})
+    one = StageSignals(np.arange(float(power.size)), power, power, signals, {})
     # a store loses nothing, and what is no function of both axes has no place on the map
     mapped = [
         law.law.kind == "loss" and law.law.over.keys() <= signals.keys()

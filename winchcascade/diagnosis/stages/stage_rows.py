@@ -32,7 +32,7 @@ from winchcascade.reduction.reduce import reduce
 from winchcascade.rig.effects.catalogue import EFFECTS
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Iterable, Iterator, Sequence
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.diagnosis.diagnosis_result import Entries
@@ -52,6 +52,8 @@ ringing of the shaft, shorter than an acceleration. [1]"""
 MIN_BLOCKS = 30
 """Minimum number of blocks of a log of a winch: five for each of its laws."""
 
+MAJORITY, EVERY_SAMPLE = 0.5 + 1e-9, 1.0 - 1e-9
+"""Shares of the samples of a block that are more than half of it, and all. [1]"""
 
 NOTHING = np.zeros(0)
 """Numbers of no suspect."""
@@ -135,6 +137,11 @@ class StageData(msgspec.Struct, frozen=True):
         return np.array([stated.get(name, 0.0) + added.get(name, 0.0) for name in self.names])
 
     @property
+    def beside_model(self) -> bool:
+        """Whether the powers that go in are those that a model makes of them."""
+        return bool(self.paths[0].at)
+
+    @property
     def plain(self) -> Mask:
         """Suspects that are no error of a sensor of a power that comes out, (suspects,)."""
         outgoing = {
@@ -168,6 +175,18 @@ class StageData(msgspec.Struct, frozen=True):
         ]
 
 
+class PathSamples(msgspec.Struct, frozen=True):
+    """One path at the samples of a log: its signals, the samples that are `good`, (n,), the share
+    of those of a block that makes it count, and what one standard uncertainty of what is known of
+    rig and sensors adds to power out minus power in, (n,) each [W].
+    """
+
+    signals: StageSignals
+    good: Mask
+    share: float
+    known: Sequence[Signal]
+
+
 def stage_data(
     entries: Entries,
     rig: Rig,
@@ -193,9 +212,8 @@ def stage_data(
     chosen = tuple(paths) or paths_of(entries.runs, rig)
     first = [stage_signals(entries.runs[0], rig, path) for path in chosen]
     axes = tuple(axes_of(one.signals) for one in first)
-    laws = suspected_laws(
-        first, chosen, rig, suspects, [name for pair in axes for name in pair] if mapped else ()
-    )
+    over = [name for pair in axes for name in pair] if mapped else ()
+    laws = suspected_laws(first, chosen, rig, suspects, over)
     if not laws:
         raise OptionError(
             f"none of the suspects ({', '.join(suspects)}) acts between "
@@ -203,10 +221,10 @@ def stage_data(
             f"{', '.join(suspected_laws(first, chosen, rig, EFFECTS))}."
         )
     cycles = entries.cycles or [None] * len(entries.runs)
-    parts: list[StagePart] = []
     tables: list[StageRows] = []
     for k, (run, asked) in enumerate(zip(entries.runs, cycles, strict=True)):
-        table = _rows_of(run, rig, chosen, laws, axes, asked, (k, len(entries.runs)))
+        several = _samples_of(run, rig, chosen, laws, (k, len(entries.runs)))
+        table = rows_of(run.t, _blocks(run, rig, asked), enumerate(several), laws, axes, k)
         needed = MIN_BLOCKS if _by_motion(run, rig) else 1
         if table.t.size < needed:
             raise CampaignError(
@@ -214,26 +232,37 @@ def stage_data(
                 f"the cycles that count, "
                 f"and {needed} are needed; name more cycles or use a longer log."
             )
+        tables.append(table)
+    return data_of(entries.runs, entries.withheld, chosen, laws, axes, tables)
+
+
+def data_of(
+    runs: Sequence[Run],
+    withheld: Collection[int],
+    paths: tuple[StagePath, ...],
+    laws: Suspecteds,
+    axes: tuple[tuple[str, str], ...],
+    tables: Sequence[StageRows],
+) -> StageData:
+    """The rows of all logs, and the suspects that move any of those that take part in the fit.
+
+    Raises
+    ------
+    LogError : a power or a signal of a stage is 0 throughout
+    """
+    rows = _joined(tables, in_a_row([table.blocks for table in tables]))
+    parts = []
+    for k, (run, table) in enumerate(zip(runs, tables, strict=True)):
         ends = int(table.own_cycle.min()), int(table.own_cycle.max())
         samples = table.some(table.path == table.path[0]).blocks.count.sum()
-        parts.append(StagePart(run, k in entries.withheld, ends, int(samples)))
-        tables.append(table)
-    rows = _joined(tables, in_a_row([table.blocks for table in tables]))
+        parts.append(StagePart(run, k in withheld, ends, int(samples)))
     fitted = rows.some(~np.array([part.withheld for part in parts])[rows.part])
-    power = np.array(
-        [np.linalg.norm((fitted.gap + fitted.given)[fitted.path == p]) for p in range(len(chosen))]
-    )
-    sizes = np.linalg.norm(fitted.columns, axis=0)
-    line = [
-        one.law.kind in ("loss", "zero", "gain") and chosen[0].into.name == "line"
-        for one in laws.values()
-    ]
-    if not np.all(power) or np.any(sizes[line] == 0.0):
-        what = (
-            "line speed, line tension or mechanical power"
-            if chosen[0].into.name == "line"
-            else "a power or its signal"
-        )
+    squares = np.bincount(fitted.path, (fitted.gap + fitted.given) ** 2, len(paths))
+    power, sizes = np.sqrt(squares), np.linalg.norm(fitted.columns, axis=0)
+    of_line = [one.law.kind in ("loss", "zero", "gain") for one in laws.values()]
+    line = paths[0].into.name == "line" and not paths[0].at
+    if not np.all(power) or (line and np.any(sizes[of_line] == 0.0)):
+        what = "line speed, line tension or mechanical power" if line else "a power or its signal"
         raise LogError(
             f"{parts[0].run.name}: {what} is 0 throughout the cycles of the fit; a diagnosis "
             f"needs a rig at work, so choose "
@@ -241,18 +270,15 @@ def stage_data(
         )
     moving = sizes > 0.0
     laws = {name: one for (name, one), moves in zip(laws.items(), moving, strict=True) if moves}
-    of_path = [float(power[max(one.path, 0)]) for one in laws.values()]
+    of_path = [float(power[one.paths[0]]) for one in laws.values()]
     most = (np.array(of_path) / sizes[moving]).tolist()
-    tops = {
-        name: _top([run.channels[name] for run in entries.runs])
-        for name in {law.channel for law in laws.values()} - {""}
-    }
-    found = effects_of(laws, chosen, most, tops)
+    channels = {law.channel for law in laws.values()} - {""}
+    tops = {name: _top([run.channels[name] for run in runs]) for name in channels}
     kept = np.concatenate([moving, np.ones(rows.known.shape[1] + 1, dtype=bool)])
     rows = msgspec.structs.replace(
         rows, columns=rows.columns[:, moving], halves=rows.halves[:, :, kept]
     )
-    return StageData(chosen, laws, found, axes, tuple(parts), rows)
+    return StageData(paths, laws, effects_of(laws, paths, most, tops), axes, tuple(parts), rows)
 
 
 def _top(several: Sequence[Signal]) -> float:
@@ -266,16 +292,10 @@ def _by_motion(run: Run, rig: Rig) -> bool:
     return rig.phases.by_motion and "velocity" in run.channels
 
 
-def _rows_of(
-    run: Run,
-    rig: Rig,
-    paths: Sequence[StagePath],
-    laws: Suspecteds,
-    axes: Sequence[tuple[str, str]],
-    asked: tuple[int, int] | None,
-    number: tuple[int, int],
-) -> StageRows:
-    """Block means of one log; a block counts where at least half of its samples were logged.
+def _samples_of(
+    run: Run, rig: Rig, paths: Sequence[StagePath], laws: Suspecteds, number: tuple[int, int]
+) -> Iterator[PathSamples]:
+    """The paths of a log; a block counts where more than half of its samples were logged.
 
     Behind a one-way clutch only blocks count throughout which the clutch drives the shaft.
 
@@ -283,54 +303,60 @@ def _rows_of(
     ----------
     number : of the log, and how many logs there are
     """
-    blocks, step = _blocks(run, rig, asked), median(np.diff(run.t))
-    tables: list[StageRows] = []
-    width = blocks.count * blocks.mean(
-        np.minimum(np.gradient(run.t), 2.0 * step)
-    )  # not that of a gap
-    even = np.arange(run.t.size) % 2 == 0
+    clutched = rig.drivetrain.one_way_clutch and "velocity" in run.channels
     for k, path in enumerate(paths):
-        one = stage_signals(run, rig, path)
-        good, minimum = _logged(run, rig, path) & np.isfinite(one.power_in + one.power_out), 0.5
-        if (
-            rig.drivetrain.one_way_clutch
-            and "velocity" in run.channels
-            and path.into.name != "line"
-        ):
+        one, share = stage_signals(run, rig, path), MAJORITY
+        good = _logged(run, rig, path) & np.isfinite(one.power_in + one.power_out)
+        if clutched and path.into.name != "line":
             cycles = reduce(run, rig=rig).complete
-            good &= engaged(
-                run, [c.phases for c in cycles], [c.summary.payout.plateau for c in cycles], rig
+            plateaus = [cycle.summary.payout.plateau for cycle in cycles]
+            good, share = (
+                good & engaged(run, [c.phases for c in cycles], plateaus, rig),
+                EVERY_SAMPLE,
             )
-            minimum = 1.0 - 1e-9
-        count = blocks.mean(good.astype(np.float64))
-        here = count >= minimum if minimum > 0.5 else count > minimum
+        known = _known(run, rig, one, laws, k, number)
         stated = [
-            (law, law.stated) for law in laws.values() if law.path == k and law.stated is not None
+            law.stated.value * one.column(law.law)
+            for law in laws.values()
+            if k in law.paths and law.stated is not None
         ]
-        less = [law.value * one.column(suspected.law) for suspected, law in stated]
-        given = np.sum([one.power_in, *less], axis=0)
+        given = np.sum([one.power_in, *stated], axis=0)
+        yield PathSamples(msgspec.structs.replace(one, power_in=given), good, share, known)
+
+
+def rows_of(
+    t: Signal,
+    blocks: Blocks,
+    paths: Iterable[tuple[int, PathSamples]],
+    laws: Suspecteds,
+    axes: Sequence[tuple[str, str]],
+    log: int,
+) -> StageRows:
+    """Block means of one log, by its number, in order of cycle, time and path.
+
+    Parameters
+    ----------
+    t : (n,) stamps [s]
+    paths : those of the log, with their numbers
+    """
+    interval = np.minimum(np.gradient(t), 2.0 * median(np.diff(t)))  # not that of a gap
+    width = blocks.count * blocks.mean(interval)
+    tables: list[StageRows] = []
+    for k, path in paths:
+        one, here = path.signals, blocks.mean(path.good.astype(np.float64)) >= path.share
         columns = [
-            one.column(law.law, law.channel) if law.path in (k, -1) else np.zeros(run.t.size)
+            one.column(law.law, law.channel) if k in law.paths else np.zeros(t.size)
             for law in laws.values()
         ]
-        ends = [one.signals.get(name, np.zeros(run.t.size)) for name in axes[k]]
-        known = _known(run, rig, one, laws, k, number)
-        signals = [run.t, given, one.power_out - given, *ends, *columns, *known]
-        means, *halves = (
-            np.array([blocks.mean(np.where(part, x, 0.0)) for x in signals])[:, here]
-            / np.maximum(blocks.mean(part.astype(np.float64))[here], 1e-12)
-            for part in (good, good & even, good & ~even)
-        )
-        beside = [
-            np.vstack([columns_of[5:], gap_of[2:3]])
-            for gap_of, columns_of in (halves, halves[::-1])
-        ]
+        places = [one.signals.get(name, np.zeros(t.size)) for name in axes[k]]
+        powers = t, one.power_in, one.power_out - one.power_in
+        means, halves = _means([*powers, *places, *columns, *path.known], blocks, path.good, here)
         kept = Blocks(*(field[here] for field in msgspec.structs.astuple(blocks)))
         own = np.maximum(kept.cycle, 1)  # rest before the first payout belongs to its cycle
-        split = 5 + len(columns)
+        split, beside = 5 + len(columns), np.hstack([halves[::-1, 5:], halves[:, 2:3]])
         tables.append(
             StageRows(
-                part=np.full(kept.size, number[0]),
+                part=np.full(kept.size, log),
                 path=np.full(kept.size, k),
                 blocks=msgspec.structs.replace(kept, cycle=own),
                 own_cycle=own,
@@ -341,12 +367,27 @@ def _rows_of(
                 axes=means[3:5].T,
                 columns=means[5:split].T,
                 known=means[split:].T,
-                halves=np.stack([half.T for half in beside], axis=1),
+                halves=np.moveaxis(beside, 2, 0),
             )
         )
     every = zip(*(msgspec.structs.astuple(table.blocks) for table in tables), strict=True)
     rows = _joined(tables, Blocks(*map(np.concatenate, every)))
     return rows.some(np.lexsort((rows.path, rows.t, rows.own_cycle)))
+
+
+def _means(
+    signals: Sequence[Signal], blocks: Blocks, good: Mask, here: Mask
+) -> tuple[Signal, Signal]:
+    """Means of k signals over the good samples of some blocks, (k, m), and over every other of
+    these samples and those between, (2, k, m).
+    """
+    even = np.arange(good.size) % 2 == 0
+    whole, *halves = (
+        np.array([blocks.mean(np.where(part, x, 0.0))[here] for x in signals])
+        / np.maximum(blocks.mean(part.astype(np.float64))[here], 1e-12)
+        for part in (good, good & even, good & ~even)
+    )
+    return whole, np.stack(halves)
 
 
 def _joined(tables: Sequence[StageRows], blocks: Blocks) -> StageRows:
@@ -379,17 +420,12 @@ def _known(
     stated = [
         (law, law.stated.u) for law in laws.values() if law.stated is not None and law.stated.u
     ]
-    made = [u * one.column(law.law) if law.path == path else none for law, u in stated]
+    made = [u * one.column(law.law) if path in law.paths else none for law, u in stated]
     for channel, sensor in rig.sensors.items():
         for source in error_sources(channel, sensor):
-            columns = one.gains if source.part == "gain" else one.zeros
-            column = source.u * columns.get(channel, none)
-            shared = source.part == "gain"
-            made += (
-                [column]
-                if shared
-                else [column if k == number[0] else none for k in range(number[1])]
-            )
+            column = source.u * one.errors[source.part].get(channel, none)
+            each = [column if k == number[0] else none for k in range(number[1])]
+            made += [column] if source.part == "gain" else each
     return made
 
 

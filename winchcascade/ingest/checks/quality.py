@@ -13,9 +13,9 @@ from winchcascade.core.log_thresholds import completed, is_complete, log_scales,
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Finding, Mask, Repair, Repairs, Signal
 from winchcascade.ingest.assign import gives_result
-from winchcascade.ingest.checks.agreement import clock_mismatch, compare_motions, compare_powers
 from winchcascade.ingest.checks.faults import FILLED_ROWS, JUMPS, STILL, Fault
 from winchcascade.ingest.checks.lost_rows import put_back
+from winchcascade.ingest.checks.motion import clock_mismatch, directed, give_direction
 from winchcascade.ingest.checks.samples import SLOPE_WIDTH, Samples
 from winchcascade.ingest.checks.sensors import (
     MAY_HOLD,
@@ -26,7 +26,7 @@ from winchcascade.ingest.checks.sensors import (
     report_constant,
     saturated,
 )
-from winchcascade.ingest.checks.signs import correct_signs, directed, give_direction
+from winchcascade.ingest.checks.signs import correct_signs
 
 APPLIED = (
     "missing_channel",
@@ -114,13 +114,6 @@ def check(
                 log, fault, without=() if both or "displacement" not in channels else ("velocity",)
             )
         report_constant(log)
-        if (
-            both
-            and "displacement" in channels
-            and not any(f.kind == "clock_mismatch" and f.start is None for f in log.findings)
-        ):
-            compare_motions(log)
-        compare_powers(log)
     log.rig = completed(rig, log_scales(log.t, log.channels, rig)) if not complete else rig
     assumed = thresholds_finding(rig, log.rig)
     log.findings += [] if assumed is None else [assumed]

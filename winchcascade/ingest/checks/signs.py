@@ -7,10 +7,12 @@ from __future__ import annotations
 import numpy as np
 
 from winchcascade.core.accuracy import CERTAIN, part_uncertainty
-from winchcascade.core.integrate import ENOUGH, ends_of, median
+from winchcascade.core.integrate import ENOUGH, median
 from winchcascade.core.run import Finding, Mask, Repair, Signal
-from winchcascade.ingest.checks.agreement import DRIVEN, MIN_BLOCKS, MOVING, mean_speeds
 from winchcascade.ingest.checks.samples import Samples
+
+DRIVEN = 0.3
+"""The line moves fast above this share of its top speed in one direction. [1]"""
 
 LARGER = 1.2
 """A channel votes if it is this many times as large in one direction as in the other. [1]"""
@@ -26,16 +28,6 @@ hundreds of samples count. [1]
 VACUUM = -1.05e5
 """No gauge pressure lies below it. [Pa]"""
 
-ONE_SIDED = 0.1
-"""A velocity is without a sign if it goes no farther than this share of its top to the other
-side of zero. [1]
-"""
-
-FOLLOWS = 0.2
-"""A speed without a sign agrees with that of the displacement within this share, in four of five
-blocks. [1]
-"""
-
 
 def correct_signs(log: Samples) -> dict[str, float]:
     """Correct the sign of channels that are logged with the opposite one, and report them; -1
@@ -44,7 +36,9 @@ def correct_signs(log: Samples) -> dict[str, float]:
     flipped = opposite_signs(log)
     for name, why in flipped.items():
         log.channels[name] = -log.channels[name]
-        _report(log, name, f"{name} has the opposite sign: {why}", "sign corrected")
+        repair = Repair("sign corrected", log.t.size)
+        what = f"{name} has the opposite sign: {why}"
+        log.findings.append(Finding("sign_flipped", what, "sign corrected", name, repair=repair))
     return dict.fromkeys(flipped, -1.0)
 
 
@@ -107,46 +101,3 @@ def _follows(x: Signal, v: Signal) -> int:
     together = float(np.dot(change, v[1:]))
     by_chance = float(np.linalg.norm(change) * np.linalg.norm(v)) / np.sqrt(v.size)
     return int(np.sign(together)) if abs(together) > 4.0 * by_chance else 0
-
-
-def give_direction(log: Samples) -> bool:
-    """Give a speed that has no sign the direction of the displacement; whether it had none."""
-    turned = is_without_sign(log, log.rig.thresholds.v_onset, log.rig.thresholds.stroke_min)
-    if turned:
-        log.channels["velocity"] = directed(log)
-        what = "velocity has one sign whichever way the displacement goes: it is a speed without direction"
-        _report(log, "velocity", what, "given the direction of the displacement")
-    return turned
-
-
-def directed(log: Samples) -> Signal:
-    """The speed with the direction of the displacement. [m/s]"""
-    v = log.channels["velocity"]
-    return np.where(log.slope() < 0, -np.abs(v), np.abs(v))
-
-
-def is_without_sign(log: Samples, v_onset: float, stroke_min: float) -> bool:
-    """Whether the velocity is a speed: of one sign, however the displacement goes, and as fast
-    both ways.
-    """
-    low, high = ends_of(log.channels["velocity"])
-    if low < 0.0 < high and min(-low, high) > ONE_SIDED * max(-low, high):
-        return False
-    seconds, v, by_displacement = mean_speeds(log, v_onset)
-    fast, slow = (
-        np.abs(by_displacement) > MOVING * v_onset,
-        np.abs(v[np.abs(by_displacement) < v_onset]),
-    )
-    if np.count_nonzero(fast) < 2 * MIN_BLOCKS or (slow.size and median(slow) > MOVING * v_onset):
-        return False
-    ratio = np.abs(v / np.where(fast, by_displacement, np.inf))
-    alike = fast & (np.abs(ratio - median(ratio[fast])) < FOLLOWS * ratio)
-    travel = (seconds * by_displacement * np.sign(v))[alike]
-    with_it, against = float(travel[travel > 0].sum()), -float(travel[travel < 0].sum())
-    both_ways = min(with_it, against) > max(stroke_min, ONE_SIDED * max(with_it, against))
-    return both_ways and bool(np.count_nonzero(alike) >= (1.0 - FOLLOWS) * np.count_nonzero(fast))
-
-
-def _report(log: Samples, name: str, message: str, action: str) -> None:
-    repair = Repair(action, log.t.size)
-    log.findings.append(Finding("sign_flipped", message, action, name, repair=repair))

@@ -95,32 +95,30 @@ def zeros(log: PhasedLog) -> Iterator[Fault]:
     within the log.
 
     A rest before a payout is not evaluated by itself: a line that tightens loads the shaft before
-    it moves.
+    it moves. What remains of a rest counts if it is longer than the smoothing, which cannot tell
+    less of it from the beginning of the next motion.
     """
     rests = rests_of(log)
     for channel, wait in waits_of(log).items():
-        spans = [(max(rest.begin, rest.last + wait), rest.end) for rest in rests]
-        holds = [[span] for span, rest in zip(spans, rests, strict=True) if rest.hold]
+        spans, holds = [], []
+        for rest in rests:
+            begin = max(rest.begin, rest.last + wait)
+            if rest.end - begin > log.rig.thresholds.smoothing:
+                spans.append((begin, rest.end))
+                holds += [[spans[-1]]] if rest.hold else []
         for groups in ([spans], holds):
             off = [
                 (zero, group) for group in groups if (zero := significant_zero(log, channel, group))
             ]
             if off:
-                known = {
-                    "where": "at rest"
-                    if groups[0] is spans
-                    else f"in {len(off)} of {len(holds)} holds"
+                where = "at rest" if groups is not holds else f"in {len(off)} of {len(holds)} holds"
+                values = {
+                    "zero": max((zero for zero, _ in off), key=abs),
+                    "limit": log.phased.u_zero(channel),
+                    "where": where,
                 }
-                zero, places = (
-                    max((zero for zero, _ in off), key=abs),
-                    [span for _, group in off for span in group],
-                )
-                yield Fault(
-                    "zero",
-                    channel,
-                    places,
-                    {"zero": zero, "limit": log.phased.u_zero(channel), **known},
-                )
+                places = [span for _, group in off for span in group]
+                yield Fault("zero", channel, places, values)
                 break
 
 

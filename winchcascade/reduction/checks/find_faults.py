@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from winchcascade.core.run import Finding, FindingKind
 from winchcascade.ingest.checks.samples import text_of
-from winchcascade.reduction.checks import at_rest, bounds, cycles, gain_steps, load, sampling
+from winchcascade.reduction.checks import at_rest, bounds, cycles, gain_steps, gains, load, sampling
 from winchcascade.reduction.checks.phased_log import Fault, PhasedLog
 from winchcascade.reduction.checks.relations import late
 from winchcascade.reduction.efficiency_changes import changed_efficiencies
@@ -16,7 +16,7 @@ Check = Callable[[PhasedLog], Iterable[Fault]]
 
 CHECKS: tuple[Check, ...] = (
     cycles.opposed_powers, load.other_load, at_rest.bench_zero, sampling.coarse_resolution, cycles.odd_ratios,
-    cycles.copied_cycles,
+    cycles.copied_cycles, gains.of_velocity, gains.of_shaft,
 )  # fmt: skip
 """Checks of any log with cycles."""
 
@@ -26,7 +26,7 @@ CHECKS_OF_MOTION: tuple[Check, ...] = (
 )  # fmt: skip
 """Checks that need payouts which are alike, and the rests between them."""
 
-READ = ("zero", "limit", "change", "level", "step")
+READ = ("zero", "limit", "change", "level", "step", "reads", "drift")
 """Values of the channel in its SI unit, which are written in the unit of the log."""
 
 KEPT = "reported and kept"
@@ -63,6 +63,38 @@ FAULTS: dict[str, tuple[FindingKind, str, str]] = {
         "s); expected less than "
         "{least:.2g} s",
         KEPT + "; powers take both at one time: check filters and clocks of their loggers",
+    ),
+    "zero_of_velocity": (
+        "out_of_range", "velocity reads {zero} while the displacement rests",
+        KEPT + "; energies deviate with it, and rest may pass for motion: check its zero",
+    ),
+    "velocity_or_drift": (
+        "out_of_range",
+        "velocity reads {reads} where the displacement moves by {drift}: one of the two drifts",
+        KEPT + "; check the zero of both",
+    ),
+    "gain_of_velocity": (
+        "out_of_range", "velocity integrates to {gain:#.4g} times the travel of the displacement",
+        KEPT + "; energies are proportional to the velocity: check unit and gain of both, and the "
+        "radius at which each is taken",
+    ),
+    "smoothed": (
+        "channel_lag",
+        "velocity is smoother than the displacement, as if averaged over {seconds:.2g} s",
+        KEPT + "; onsets, windows and energies deviate: record it with a faster filter, or leave it "
+        "out and derive it",
+    ),
+    "gain_of_power": (
+        "out_of_range", "power_mech is {gain:#.4g} times torque x {of}",
+        KEPT + "; E_mech is the integral of power_mech: check sign, unit and shaft of all of them, "
+        "and r_drum",
+    ),
+    "gain_of_speed": (
+        "speed_mismatch",
+        "speed is {gain:#.4g} times velocity / r_drum while the clutch is engaged, with {radius:g} m "
+        "of the rig",
+        KEPT + "; the line or the clutch slips, or an entry is wrong: check r_drum, the gear ratio, "
+        "and unit and side of the speed",
     ),
     "stepped": (
         "gain_step",

@@ -17,8 +17,10 @@ from winchcascade.core.cascade import ELECTRICAL, Power
 from winchcascade.core.integrate import largest
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run, Signal
-from winchcascade.reduction.efficiency import ratio, runs_idle
+from winchcascade.ingest.checks.motion import MotionGain, Travel, gain_of
+from winchcascade.reduction.efficiency import SMALLEST, ratio, runs_idle
 from winchcascade.reduction.energies import Energies
+from winchcascade.reduction.gap_error import all_gaps
 from winchcascade.reduction.phase_summary import PhaseSummary
 from winchcascade.reduction.phased_run import PhasedRun, span_end
 from winchcascade.reduction.reduction_result import CycleResult
@@ -128,9 +130,69 @@ class PhasedLog(msgspec.Struct, frozen=True, dict=True):
         )
 
     @cached_property
+    def rotor_frequency(self) -> float | None:
+        """Natural frequency of the rotor on the shaft; None where the rig file lacks stiffness or
+        inertia. [rad/s]
+        """
+        train = self.rig.drivetrain
+        if train.k_shaft is None or train.inertia_rotor is None or train.gear_ratio is None:
+            return None
+        inertia = train.inertia_rotor.value * train.gear_ratio.value**2
+        return math.sqrt(train.k_shaft.value / inertia) if inertia > 0.0 else None
+
+    @cached_property
+    def ramp(self) -> float:
+        """Shortest time in which the line reaches a plateau, without what smoothing adds; infinite
+        without one. [s]
+        """
+        ramps = [
+            plateau.begin - cycle.onset
+            for cycle, plateau in zip(self.phased.cycles, self.phased.plateaus, strict=True)
+            if plateau is not None and not cycle.begins_inside
+        ]
+        return max(min(ramps, default=math.inf) - self.rig.thresholds.smoothing, 0.0)
+
+    @cached_property
+    def overshoot(self) -> float:
+        """Largest share by which the rotor exceeds the speed of the line after a ramp; 1 where the
+        frequency of the rotor is unknown. [1]
+
+        Each end of a ramp of duration T makes the speed of the rotor swing by 1 / (omega T) of that
+        of the line; a step at most doubles it.
+        """
+        omega = self.rotor_frequency
+        return 1.0 if omega is None else min(2.0 / max(omega * self.ramp, SMALLEST), 1.0)
+
+    @cached_property
     def top_speed(self) -> float:
         """Largest smoothed speed of the line. [m/s]"""
         return largest(self.phased.v_smooth)
+
+    @cached_property
+    def travel(self) -> Travel | None:
+        """Measured velocity and displacement, without what was bridged; None where the log lacks
+        one of them, or its clock is wrong.
+        """
+        run, both = self.run, ("velocity", "displacement")
+        derived = any(
+            f.channel == "velocity" if f.kind == "derived_channel" else f.start is None
+            for f in run.findings
+            if f.kind in ("derived_channel", "clock_mismatch")
+        )
+        if run.simulated or derived or not run.channels.keys() >= {*both}:
+            return None
+        v, x = (run.channels[name] for name in both)
+        gaps = all_gaps(run, both)
+        if len(gaps):
+            v = v.copy()
+            for begin, end in gaps.tolist():
+                v[self.phased.rows(begin, end)][1:-1] = math.nan
+        return Travel(run.t, v, x, 1.0 / run.fs)
+
+    @cached_property
+    def motion_gain(self) -> MotionGain | None:
+        """Zero and gain of the velocity against the displacement."""
+        return None if self.travel is None else gain_of(self.travel, self.rig.thresholds)
 
     @cached_property
     def powers(self) -> dict[str, Power]:

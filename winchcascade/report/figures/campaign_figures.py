@@ -1,57 +1,36 @@
-"""Figures of a campaign: powers and efficiencies over load (Fig. 7), torque and power over speed
-for all loads (Fig. 15).
-"""
+"""Figure of a campaign: powers and efficiencies over load (Fig. 7)."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, NullLocator
 
 from winchcascade.core.cascade import field_of
 from winchcascade.core.run import Signal
-from winchcascade.reduction.campaign_record import LogSummary, cascade_of, rule_of
+from winchcascade.reduction.campaign_record import LogSummary, cascade_of, rule_of, unlike_motion
 from winchcascade.report.figures.reduction_figures import stage_of
 from winchcascade.report.figures.style import (
     COLOURS,
-    LOAD_COLOURS,
-    MARK_SIZE,
-    Entry,
-    cut_apart,
-    evenly,
     label_panel,
-    legend_above,
-    load_style,
     look_of,
     panel_figure,
     readable,
 )
 from winchcascade.report.glossary import tex
-from winchcascade.report.wording import load_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 DRAWN_RUNS = 12
 """Runs that share one panel at most; of more, an even selection."""
 
 
-Bins = Mapping[str, Sequence[Mapping[str, float]]]
-"""Bins of each run by its name, their known values by the names of the dataset."""
-
 CHARACTER = 0.026
 """Width of a character of a number under a load, as a share of the axis."""
-
-_DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)))
-
-_FIELDS = (
-    ("torque_nm", "Torque of the PTO shaft", "N·m"),
-    ("power_mech_w", "Power of the shaft", "W"),
-    ("power_gen_w", "Power at the DC link", "W"),
-)
-"""What is drawn over speed: names of the dataset, titles and units."""
 
 
 def over_load(runs: Sequence[LogSummary]) -> Figure | None:
@@ -61,20 +40,12 @@ def over_load(runs: Sequence[LogSummary]) -> Figure | None:
     if not runs:
         return None
     figure, (left, right) = panel_figure(2.9, 1, 2)
-    draw_over_load(left, runs, "power")
-    draw_over_load(right, runs, "efficiency")
-    return figure
-
-
-def draw_over_load(ax: Axes, runs: Sequence[LogSummary], what: str) -> None:
-    """Draw mean powers, for `power`, or efficiencies of the runs over the load."""
     cascade = cascade_of(runs)
-    if what == "power":
-        unit = _points(ax, runs, [f"power_{name}" for name in cascade.names], "W")
-        label_panel(ax, "a", "Mean power in the window", y=f"Power ({unit})")
-    else:
-        _points(ax, runs, [*cascade.ratios], "1")
-        label_panel(ax, "b", "Efficiency", y="Efficiency (1)")
+    unit = _points(left, runs, [f"power_{name}" for name in cascade.names], "W")
+    label_panel(left, "a", "Mean power in the window", y=f"Power ({unit})")
+    _points(right, runs, [*cascade.ratios], "1")
+    label_panel(right, "b", "Efficiency", y="Efficiency (1)")
+    return figure
 
 
 def over_what(runs: Sequence[LogSummary]) -> str:
@@ -129,8 +100,10 @@ def _points(ax: Axes, runs: Sequence[LogSummary], names: Sequence[str], unit: st
                 **line | {"ls": "none"},
                 **mark | hollow,
             )
-            ax.plot(*(_means(own_x, own_y) if repeated(runs) else (own_x, own_y)), **line)
-        ax.plot([], [], **line, **mark)  # for the legend: the points on their line
+            if not unlike_motion(runs):
+                ax.plot(*(_means(own_x, own_y) if repeated(runs) else (own_x, own_y)), **line)
+        joined = {"ls": "none"} if unlike_motion(runs) else {}
+        ax.plot([], [], **line | joined, **mark)  # for the legend: the points on their line
     if at is not None:
         _label_loads(ax, sorted(set(at)))
     elif len(runs) <= DRAWN_RUNS:
@@ -151,118 +124,16 @@ def _means(x: Signal, y: Signal) -> tuple[list[float], list[float]]:
 
 
 def _label_loads(ax: Axes, loads: Sequence[float]) -> None:
-    """Set the loads on a logarithmic axis, with a number at each that has the space for it."""
+    """Set the loads on a logarithmic axis, with a tick and its number where there is space."""
+    from matplotlib.ticker import FixedLocator, NullLocator
+
     ax.set_xscale("log")
-    ax.xaxis.set_major_locator(FixedLocator(loads))
-    ax.xaxis.set_minor_locator(NullLocator())
-    width = (
-        CHARACTER * (1 + max(len(f"{load:g}") for load in loads)) * math.log(loads[-1] / loads[0])
-    )
-    named: list[float] = []
-    for load in loads:
-        if not named or math.log(load / named[-1]) > width:
+    a_character = CHARACTER * math.log(loads[-1] / loads[0])
+    named = [loads[0]]
+    for load in loads[1:]:
+        characters = 1.0 + 0.5 * (len(f"{named[-1]:g}") + len(f"{load:g}"))
+        if math.log(load / named[-1]) > characters * a_character:
             named.append(load)
-    ax.set_xticklabels([f"{load:g}" if load in named else "" for load in loads])
-
-
-def drawn_runs(runs: Sequence[LogSummary]) -> list[LogSummary]:
-    """The runs that share a panel: all, or an even selection."""
-    return evenly(runs, DRAWN_RUNS)
-
-
-def load_names(runs: Sequence[LogSummary]) -> list[str]:
-    """Load of each run with its unit, the name of the log, cut, where it is unknown."""
-    return [
-        _load(run, name)
-        for run, name in zip(runs, cut_apart([run.name for run in runs]), strict=True)
-    ]
-
-
-def _load(run: LogSummary, unknown: str) -> str:
-    """Load of a run with its unit, or what it is called where that is unknown."""
-    return unknown if run.load is None else f"{load_text(run.load)}{' Ω' * math.isfinite(run.load)}"
-
-
-def runs_over_speed(runs: Sequence[LogSummary], bins: Bins) -> Figure | None:
-    """Draw binned torque and power over the generator's speed, one curve a run; runs of one load
-    look alike.
-    """
-    names, shown, fields = _binned(runs, bins)
-    if not fields:
-        return None
-    figure, axes = panel_figure(2.9, 1, len(fields))
-    for k, (ax, (field, title, unit)) in enumerate(zip(axes, fields, strict=True)):
-        unit = _curves(ax, names, [_curve(found, field) for found in shown], unit)
-        label_panel(ax, "abc"[k], title, x="Generator speed (rpm)", unit=unit)
-    legend_above(figure, _named_lines(axes[0], names))
-    return figure
-
-
-def draw_power_over_speed(ax: Axes, runs: Sequence[LogSummary], bins: Bins) -> None:
-    """Draw the power of the last stage that any run has over the speed of the generator, one
-    curve a run.
-    """
-    names, shown, fields = _binned(runs, bins)
-    field, title, unit = fields[-1]
-    unit = _curves(ax, names, [_curve(found, field) for found in shown], unit)
-    label_panel(ax, "a", title, x="Generator speed (rpm)", y=f"Power ({unit})")
-    ax.legend(*zip(*_named_lines(ax, names), strict=True))
-
-
-def _binned(
-    runs: Sequence[LogSummary], bins: Bins
-) -> tuple[list[str], list[Sequence[Mapping[str, float]]], list[tuple[str, str, str]]]:
-    """What the runs that have bins are called, their bins, and which of `_FIELDS` any of them
-    has.
-    """
-    drawn = [
-        (name, bins[run.name])
-        for run, name in zip(drawn_runs(runs), _entries(runs), strict=True)
-        if bins.get(run.name)
-    ]
-    fields = [row for row in _FIELDS if any(row[0] in item for _, found in drawn for item in found)]
-    return [name for name, _ in drawn], [found for _, found in drawn], fields
-
-
-def _named_lines(ax: Axes, names: Sequence[str]) -> list[Entry]:
-    """Entries of a legend for the lines of a panel, each name once."""
-    first = dict(zip(reversed(names), reversed(ax.lines), strict=True))
-    return [(first[name], name) for name in dict.fromkeys(names)]
-
-
-def _curves(ax: Axes, names: Sequence[str], curves: Sequence[Signal], unit: str) -> str:
-    """Draw a curve for each run, those of one name alike; gives the unit of the axis."""
-    place = {name: k for k, name in enumerate(dict.fromkeys(names))}
-    short, unit = readable(unit, *(y for _, y in curves))
-    for n, (name, (x, y)) in enumerate(zip(names, curves, strict=True)):
-        colour, mark = load_style(place[name])
-        dashes = _DASHES[place[name] // len(LOAD_COLOURS) % len(_DASHES)]
-        marks: Any = {"marker": mark, "ms": MARK_SIZE, "mfc": COLOURS["paper"], "mew": 0.7}
-        ax.plot(
-            x,
-            y * short,
-            color=COLOURS[colour],
-            ls=dashes,
-            **marks,
-            markevery=(n % 3, max(1, x.size // 6)),
-        )
-    return unit
-
-
-def look_alike(runs: Sequence[LogSummary]) -> bool:
-    """Whether some of the runs that share a panel have one load, and so one colour and marker."""
-    names = _entries(runs)
-    return len(set(names)) < len(names)
-
-
-def _entries(runs: Sequence[LogSummary]) -> list[str]:
-    """What the legend calls the runs that are drawn: their loads, or their numbers in the tables
-    where these are unknown.
-    """
-    return [_load(run, f"log {runs.index(run) + 1}") for run in drawn_runs(runs)]
-
-
-def _curve(bins: Sequence[Mapping[str, float]], field: str) -> Signal:
-    """Generator speed and mean of the bins that have one, (2, n)."""
-    points = [(0.5 * (b["rpm_low"] + b["rpm_high"]), b[field]) for b in bins if field in b]
-    return np.array(points, dtype=float).reshape(-1, 2).T
+    ax.xaxis.set_major_locator(FixedLocator(named))
+    ax.xaxis.set_minor_locator(NullLocator())
+    ax.set_xticklabels([f"{load:g}" for load in named])

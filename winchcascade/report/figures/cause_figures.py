@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import accumulate
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import (
@@ -24,6 +21,7 @@ from winchcascade.report.diagnosis_names import baseline_words, runs_with_number
 from winchcascade.report.figures.style import (
     COLOURS,
     NARROW,
+    LineStyle,
     broken,
     legend_above,
     line_entry,
@@ -33,6 +31,10 @@ from winchcascade.report.figures.style import (
 from winchcascade.report.glossary import tex, typeset
 from winchcascade.report.wording import load_words
 from winchcascade.rig.parts import ROLLOFF_KNOTS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # ---------------------------------------------------------------------------------- the waterfall
 BAR = 0.155
@@ -58,27 +60,15 @@ def waterfall_figure(found: ModelDiagnosis, word: str) -> Figure | None:
     largest = worst_costs(found)
     if largest is None:
         return None
-    figure, panels = panel_figure(BAR * (len(largest.parts) + 2) + 0.6)
+    figure, (ax,) = panel_figure(BAR * (len(largest.parts) + 2) + 0.6)
     figure.set_figwidth(NARROW)
-    draw_waterfalls(panels, found, [largest], word)
+    _waterfall(ax, largest)
+    ax.set_title(load_words(largest.load))
+    ax.set_xlabel(f"{tex(largest.metric)} (%)")
+    names = [baseline_words(found), *(part_name(found, part) for part in largest.parts), word]
+    ax.set_yticks(range(len(names)), names)
+    ax.set_ylim(len(names) - 0.45, -0.55)
     return figure
-
-
-def draw_waterfalls(
-    panels: Sequence[Axes], found: ModelDiagnosis, table: Sequence[Contribution], word: str
-) -> None:
-    """Draw one waterfall for each load on the same scale, with the names of the bars at the
-    first.
-    """
-    bars = len(table[0].parts) + 2
-    span = max(high - low for low, high in map(_extent, table))
-    for ax, costs in zip(panels, table, strict=False):
-        _waterfall(ax, costs, span)
-        ax.set_title(load_words(costs.load))
-        ax.set_xlabel(f"{tex(costs.metric)} (%)")
-    names = [baseline_words(found), *(part_name(found, part) for part in table[0].parts), word]
-    panels[0].set_yticks(range(bars), names)
-    panels[0].set_ylim(bars - 0.45, -0.55)
 
 
 def _extent(costs: Contribution) -> tuple[float, float]:
@@ -94,12 +84,12 @@ def _extent(costs: Contribution) -> tuple[float, float]:
     return min(costs.measured, *levels, *ends), max(costs.measured, *levels, *ends)
 
 
-def _waterfall(ax: Axes, costs: Contribution, span: float) -> None:
-    """Draw the waterfall of one load, from above, on an axis that is wider than the span of the
-    widest [points].
-    """
+def _waterfall(ax: Axes, costs: Contribution) -> None:
+    """Draw the waterfall of one load, from above, on an axis that is wider than its levels."""
+    from matplotlib.ticker import MaxNLocator
+
     low, high = _extent(costs)
-    middle, half = 0.5 * (low + high), max(0.85 * span, 0.5)
+    middle, half = 0.5 * (low + high), max(0.85 * (high - low), 0.5)
     left, level, end = middle - half, costs.as_given, len(costs.parts) + 1
     for place, value in ((0, costs.as_given), (end, costs.measured)):
         ax.barh(place, value - left, left=left, height=0.66, color=COLOURS["line"], lw=0)
@@ -149,7 +139,7 @@ def profile_figure(found: ModelDiagnosis) -> Figure | None:
         line_entry("rig file", lw=0.9, ls="--"),
     ]
     rated = found.rig.generator.i_rated
-    if rated is not None:
+    if rated is not None and rated.value <= current[-1]:
         ax.axvline(rated.value, color=COLOURS["soft"], lw=0.9, ls=":")
         entries.append(line_entry(f"rated, {rated.value:g} A", "soft", lw=0.9, ls=":"))
     ax.set(xlim=(0.0, current[-1] * 1.01), xlabel="Stator current (A rms)")
@@ -163,7 +153,8 @@ NAMED_RUNS = 8
 """Maximum number of runs of which each is named by its load."""
 
 WIDE = 4.0
-"""An interval that is longer than the median one by more than this factor leaves its panel."""
+"""An interval that is longer than the median one by more than this factor leaves its panel, with an
+arrow there."""
 
 TITLE = 46
 """Characters of a line of a panel's title."""
@@ -212,12 +203,18 @@ def _run_by_run(ax: Axes, found: DiagnosisResult, cause: NamedCause) -> None:
     )
     ax.axhspan(*band, color=COLOURS["gen"], alpha=0.25, lw=0)
     ax.axhline(joint.value * how.factor, color=COLOURS["gen"], lw=1.2)
-    ax.vlines(at, low, high, color=COLOURS["ink"], lw=1.1)
-    ax.plot(at, value, ls="none", marker="o", ms=3.5, color=COLOURS["ink"])
     usual = high - low <= WIDE * np.nanmedian(high - low)
     ends = np.array([*low[usual], *high[usual], *band])
     pad = 0.08 * float(np.ptp(ends))
-    ax.set(xlim=(0.5, len(table) + 0.5), ylim=(ends.min() - pad, ends.max() + pad))
+    bottom, top = float(ends.min() - pad), float(ends.max() + pad)
+    ax.set(xlim=(0.5, len(table) + 0.5), ylim=(bottom, top))
+    ax.vlines(at, np.maximum(low, bottom), np.minimum(high, top), color=COLOURS["ink"], lw=1.1)
+    inside = (value >= bottom) & (value <= top)
+    dots: LineStyle = {"ls": "none", "ms": 3.5, "color": COLOURS["ink"]}
+    ax.plot(at[inside], value[inside], marker="o", **dots)
+    for beyond, edge, arrow in ((high > top, top, "^"), (low < bottom, bottom, "v")):
+        if beyond.any():
+            ax.plot(at[beyond], np.full(np.count_nonzero(beyond), edge), marker=arrow, **dots)
     if isinstance(found, StageDiagnosis):
         ax.set_xlabel("Cycle, one after the other")
     elif len(table) <= NAMED_RUNS:

@@ -4,24 +4,19 @@ and errors over speed.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
-from winchcascade.diagnosis.explain.figure_data import SimulatedCycle, by_load, means_over_speed
+from winchcascade.diagnosis.explain.figure_data import SimulatedCycle, by_load
 from winchcascade.diagnosis.explain.gap_map import STANDS_OUT
 from winchcascade.diagnosis.fit.block_means import HAUL_IN, PAYOUT, PHASES
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.report.diagnosis_names import (
     NAMES,
     baseline_words,
-    channel_words,
     phase_words,
     signed,
 )
@@ -35,16 +30,13 @@ from winchcascade.report.figures.histories import (
 )
 from winchcascade.report.figures.style import (
     COLOURS,
-    LOAD_COLOURS,
     Dashes,
     Entry,
     LineStyle,
-    label_panel,
     legend_above,
     line_entry,
     panel_figure,
     patch_entry,
-    shade_over_speed,
 )
 from winchcascade.report.glossary import CHANNELS as TERMS
 from winchcascade.report.glossary import typeset, upper
@@ -53,6 +45,8 @@ from winchcascade.rig.stages import STAGES
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 AFTER = "with the fitted effects"
 """Name of the simulation with the causes in every legend."""
@@ -107,15 +101,8 @@ def gap_map(found: ModelDiagnosis) -> Figure | None:
     """Draw the bias of each channel and phase (rows) at each load (columns) over its standard
     uncertainty.
     """
-    return _map(found, *_gaps(found))
-
-
-def draw_gap_map(ax: Axes, found: DiagnosisResult) -> None:
-    """Draw the map of `gap_map` on given axes; without a model, the gap of all logs together by
-    phase.
-    """
-    columns = _by_load(found) if isinstance(found, ModelDiagnosis) else {-1: "all logs"}
-    _draw_map(ax, columns, *_gaps(found))
+    names = {(c, p): f"{NAMES[c]}, {phase_words(p)}" for c in CHANNELS for p in PHASES}
+    return _map(found, names, {(p.channel, p.phase, p.log): p.z for p in found.places})
 
 
 def stage_map(found: ModelDiagnosis) -> Figure | None:
@@ -130,18 +117,6 @@ def stage_map(found: ModelDiagnosis) -> Figure | None:
         for p in PHASES
     }
     return _map(found, names, {(p.stage, p.phase, p.log): p.z for p in found.stages})
-
-
-def _gaps(found: DiagnosisResult) -> tuple[dict[tuple[str, str], str], Cells]:
-    """Names of the rows of the map of the gap, by channel and phase, and its cells."""
-    if isinstance(found, ModelDiagnosis):
-        names = {(c, p): f"{NAMES[c]}, {phase_words(p)}" for c in CHANNELS for p in PHASES}
-    else:
-        names = {
-            (p.channel, p.phase): f"{channel_words(p.channel)}, {phase_words(p.phase)}"
-            for p in found.places
-        }
-    return names, {(p.channel, p.phase, p.log): p.z for p in found.places}
 
 
 def _map(
@@ -240,47 +215,6 @@ def cycle_history(found: ModelDiagnosis, item: SimulatedCycle, word: str) -> His
         panels,
         [Mark("payout", "payout", [(0.0, item.payout_end)])],
     )
-
-
-# --------------------------------------------------------------------------------- Figs 18a, c, d
-QUANTITIES = (
-    ("Current of the DC link", "A", ("idc",)),
-    ("Torque of the PTO shaft", "N·m", ("torque",)),
-    ("Power at the DC link", "W", ("vdc", "idc")),
-)
-"""Quantities over generator speed: title, unit, and the channel or the two whose product it is."""
-
-
-def over_speed_figure(found: ModelDiagnosis, table: pd.DataFrame, word: str) -> Figure | None:
-    """Draw current, torque and power over generator speed at a light, a middle and a heavy load
-    (Figs 18a, 18c, 18d).
-
-    The log is a line, the model of the rig file open circles, and the model with the causes filled
-    squares.
-    """
-    loaded = [k for k in by_load(found) if math.isfinite(found.data.logs[k].load)]
-    logs = list(dict.fromkeys([*loaded[:1], *loaded[len(loaded) // 2 :][:1], *loaded[-1:]]))
-    panels = [panel for panel in QUANTITIES if {*panel[2]} <= {*table.channel}]
-    if not panels or not logs or found.rig.rpm_per_velocity is None:
-        return None
-    figure, axes = panel_figure(3.1, 1, len(panels))
-    colours = dict(zip(logs, (LOAD_COLOURS[k] for k in (1, 3, 5)), strict=False))
-    rated, shaded = found.rig.generator.speed_rated, False
-    for n, (ax, (title, unit, channels)) in enumerate(zip(axes, panels, strict=True)):
-        for k, colour in colours.items():
-            means = means_over_speed(table, k, channels)
-            ax.plot(means.rpm, means.logged, color=COLOURS[colour], lw=1.2)
-            for side, mark in MARKED.items():
-                ax.plot(means.rpm, means[side], **coloured(mark, colour))
-        ax.set(xlim=(0.0, None), ylim=(0.0, None))
-        shaded |= shade_over_speed(ax, None if rated is None else rated.value * 30.0 / math.pi)
-        label_panel(ax, "abc"[n], title, x="Generator speed (rpm)", unit=unit)
-    loads = [
-        line_entry(load_words(found.runs[k].load), colour, lw=1.2) for k, colour in colours.items()
-    ]
-    over = [patch_entry("over rated speed", "over")] if shaded else []
-    legend_above(figure, [line_entry(word, lw=1.2), *_side_entries(found, "ink"), *over, *loads])
-    return figure
 
 
 def _side_entries(found: ModelDiagnosis, colour: str = "") -> list[Entry]:

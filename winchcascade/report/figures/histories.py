@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import msgspec
 import numpy as np
-from matplotlib.figure import Figure
 
 from winchcascade.core.channels import Channel
 from winchcascade.core.quantity import KGCM2, find_unit, si_unit
@@ -37,6 +36,7 @@ from winchcascade.report.wording import clock_zero, span_word
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 POINTS = 6000
 """Instants of a history at most; of longer logs each bin keeps its least and its largest value."""

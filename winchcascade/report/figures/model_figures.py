@@ -7,11 +7,9 @@ Also the loss budget as stacked bars: where the energy of the line goes, load by
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from winchcascade.diagnosis.explain.model_comparison import (
     GROUPS,
@@ -29,12 +27,15 @@ from winchcascade.report.figures.style import (
     label_panel,
     legend_above,
     line_entry,
-    load_style,
     panel_figure,
     patch_entry,
     readable,
     shade_over_speed,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 SPEED = "Generator speed (rpm)"
 
@@ -60,8 +61,6 @@ SHOWN = {
                                                          "speed"),
     "vdc_v": Shown("Voltage of the DC link", "V", "voltage of the DC link over generator speed"),
     "idc_a": Shown("Current of the DC link", "A", "current of the DC link over generator speed"),
-    "resistance_ohm": Shown("Apparent resistance", "Ω", "apparent resistance Vdc / Idc over "
-                                                        "generator speed"),
     "loss_w": Shown(
         "Electrical-side loss", "W",
         "electrical-side loss P_mech - P_gen (Eq. 11 of Hsu et al. 2026) without stored energy "
@@ -87,29 +86,12 @@ BACK: Dashes = (0, (2.5, 1.2))
 
 
 class Drawn(NamedTuple):
-    """One log in a figure: its name, its curves, colours of log and simulation, and the
-    simulation's marker.
-    """
+    """One log in a figure: what it is called, its curves, and the look of its load."""
 
     name: str
     curves: Mapping[str, ComparedCurve]
-    log: str = "ink"
-    simulated: str = "mech"
-    mark: str = "o"
-
-
-def styled_by_load(
-    names: Sequence[str], curves: Sequence[Mapping[str, ComparedCurve]]
-) -> list[Drawn]:
-    """Give each of several loads a colour and a marker of its own; logs of one load look alike,
-    a single one is in ink.
-    """
-    if len(names) == 1:
-        return [Drawn("", curves[0])]
-    found = {name: load_style(k) for k, name in enumerate(dict.fromkeys(names))}
-    return [
-        Drawn(name, c, found[name][0], *found[name]) for name, c in zip(names, curves, strict=True)
-    ]
+    colour: str
+    mark: str
 
 
 def given_names(drawn: Sequence[Drawn], names: Sequence[str]) -> list[str]:
@@ -170,39 +152,27 @@ def _panel(ax: Axes, letter: str, name: str, drawn: Sequence[Drawn], maximum: in
         ax.plot(
             c.x,
             np.array(c.log) * short,
-            color=COLOURS[d.log],
+            color=COLOURS[d.colour],
             lw=1.2,
             ls=BACK if key == HAUL_IN else "-",
         )
         ax.plot(
-            c.x, np.array(c.simulated) * short, ls="none", mec=COLOURS[d.simulated], markevery=(k % step, step),
+            c.x, np.array(c.simulated) * short, ls="none", mec=COLOURS[d.colour], markevery=(k % step, step),
             **_mark(d.mark),
         )  # fmt: skip
     ax.set(xlabel=shown.over, ylabel=f"{shown.title} ({unit})")
     if letter:
         label_panel(ax, letter, shown.title, unit="Efficiency (1)" if unit == "1" else unit)
-    if name == "resistance_ohm":
-        ax.set_ylim(0.0, 1.12 * max(max(c.log + c.simulated) for _, _, c in curves))
-    elif name == "eta_gen":
-        low, high = ax.get_ylim()
-        ax.set_ylim(max(low, 0.0), max(high, 0.9))
 
 
 def _legend(figure: Figure, drawn: Sequence[Drawn], *, word: str, shaded: bool) -> None:
-    """Add the legend of lines, markers and shades above the panels; of several logs name each
-    load once.
-    """
-    one = drawn[0] if len(drawn) == 1 else Drawn("", {}, simulated="ink")
+    """Add the legend of lines, markers and shades above the panels, and name each load once."""
     entries = [
-        line_entry(word, one.log, lw=1.2),
-        line_entry("simulated", one.simulated, ls="none", **_mark(one.mark)),
+        line_entry(word, lw=1.2),
+        line_entry("simulated", ls="none", **_mark(drawn[0].mark)),
         *([patch_entry("over rated speed", "over")] if shaded else []),
     ]
-    loads = (
-        {d.name: line_entry(d.name, d.log, lw=1.2, **_mark(d.mark)) for d in drawn}
-        if len(drawn) > 1
-        else {}
-    )
+    loads = {d.name: line_entry(d.name, d.colour, lw=1.2, **_mark(d.mark)) for d in drawn}
     legend_above(figure, [*entries, *loads.values()])
 
 
@@ -287,7 +257,7 @@ def budget_bars(names: Sequence[str], budgets: Sequence[LossBudget], *, word: st
         f"{name}\n{number_text(budget.line)} J" for name, budget in zip(names, budgets, strict=True)
     ]
     ax.set_yticks(rows, labels)
-    ax.set(ylim=(-0.62, len(names) - 0.52), xlim=(min(0.0, float(left.min())), 100.0))
+    ax.set(ylim=(-0.62, len(names) - 0.52), xlim=(min(0.0, ax.get_xlim()[0]), None))
     ax.set_xlabel("Share of the line's energy in the window (%)")
     ax.grid(axis="y", visible=False)
     legend_above(figure, entries)

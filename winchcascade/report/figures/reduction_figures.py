@@ -6,17 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from string import ascii_lowercase
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch, Rectangle
-from matplotlib.path import Path as Outline
 
 from winchcascade.core.cascade import Cascade
 from winchcascade.core.run import Index, Signal
-from winchcascade.reduction.bins import Bin, bin_powers, bin_width, engaged, generator_speed
+from winchcascade.reduction.bins import Bin, engaged, generator_speed
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.report.content import number_text
 from winchcascade.report.figures.histories import (
@@ -48,6 +44,10 @@ from winchcascade.report.figures.style import (
 )
 from winchcascade.report.glossary import STAGE_PLACES, tex
 from winchcascade.report.wording import clock_zero, span_word
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 DOTS = 1200
 """Samples of each power that are drawn over the generator's speed at most; of more, an even
@@ -84,28 +84,23 @@ def _stage_style(stage: str) -> LineStyle:
 
 # ---------------------------------------------------------------------------- over time and speed
 def power_streams(reduction: Reduction, powers: Mapping[str, Signal]) -> Figure | None:
-    """Draw the powers of one cycle over time, and those of all payouts (Fig. 6) and the current
-    (Fig. 12a) over speed.
-    """
+    """Draw the powers of one cycle over time, and those of all payouts over speed (Fig. 6)."""
     if not powers or not reduction.cycles:
         return None
-    current = bool(reduction.bins) and "idc" in reduction.run.channels
-    figure, axes = panel_figure(2.75, 1, 1 + bool(reduction.bins) + current)
-    draw_one_cycle(axes[0], reduction, powers)
+    figure, axes = panel_figure(2.75, 1, 1 + bool(reduction.bins))
+    _one_cycle(axes[0], reduction, powers)
     entries = [
         line_entry(tex(f"power_{s}"), look_of(s).colour, ls=look_of(s).dashes) for s in powers
     ]
     entries += mark_entries(phase_marks(reduction, [representative(reduction)], 0.0))
     if reduction.bins:
-        shaded = draw_over_speed(axes[1], reduction, powers)
+        shaded = _over_speed(axes[1], reduction, powers)
         entries += [patch_entry("over rated speed", "over")] if shaded else []
-    if current:
-        draw_current_over_speed(axes[2], reduction)
     legend_above(figure, entries)
     return figure
 
 
-def draw_one_cycle(ax: Axes, reduction: Reduction, powers: Mapping[str, Signal]) -> None:
+def _one_cycle(ax: Axes, reduction: Reduction, powers: Mapping[str, Signal]) -> None:
     """Draw the powers of the representative cycle over time, its window bounded by dashed lines."""
     run, cycle, zero = reduction.run, representative(reduction), clock_zero(reduction.run)
     end = cycle.phases.haul_in[1] if cycle.phases.haul_in is not None else float(run.t[-1])
@@ -120,7 +115,7 @@ def draw_one_cycle(ax: Axes, reduction: Reduction, powers: Mapping[str, Signal])
     mark_repaired(ax, repaired_spans(run, power_sources(reduction, powers), zero))
 
 
-def draw_over_speed(ax: Axes, reduction: Reduction, powers: Mapping[str, Signal]) -> bool:
+def _over_speed(ax: Axes, reduction: Reduction, powers: Mapping[str, Signal]) -> bool:
     """Draw the powers of the payouts over generator speed, with their means in bins; whether
     speeds above rated are shaded.
     """
@@ -137,23 +132,6 @@ def draw_over_speed(ax: Axes, reduction: Reduction, powers: Mapping[str, Signal]
         y=f"Power ({unit})",
     )
     return _speeds(ax, reduction)
-
-
-def draw_current_over_speed(ax: Axes, reduction: Reduction) -> None:
-    """Draw the current of the DC link in the payouts over generator speed, with its means in
-    bins.
-    """
-    run, rig, counted = reduction.run, reduction.rig, reduction.complete
-    rows, rpm = _driven(reduction)
-    idc = run.channels["idc"]
-    dots(ax, rpm[rows], idc[rows], COLOURS["gen"])
-    driven = engaged(
-        run, [c.phases for c in counted], [c.summary.payout.plateau for c in counted], rig
-    )
-    bins = bin_powers(rpm, 1.0, driven, {"idc": idc.__getitem__}, bin_width(rig, float(rpm.max())))
-    _means(ax, bins, "idc", 1.0, color=COLOURS["gen"])
-    label_panel(ax, "c", "DC link", x="Generator speed (rpm)", y="Current (A)")
-    _speeds(ax, reduction)
 
 
 def _driven(reduction: Reduction) -> tuple[Index, Signal]:
@@ -201,6 +179,8 @@ def window_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) ->
     ----------
     texts : means as they are stated, by metric; with four digits if not given
     """
+    from matplotlib.patches import Rectangle
+
     mean, said, cascade = (
         reduction.mean if reduction.rig.phases.repeats else reduction.total,
         texts or {},
@@ -264,6 +244,9 @@ def _branch(ax: Axes, colour: str, ends: tuple[float, float], heights: tuple[flo
     """Draw what goes on from one bar to the next as a band, and what leaves as another that
     turns down.
     """
+    from matplotlib.patches import PathPatch, Rectangle
+    from matplotlib.path import Path as Outline
+
     begin, end = ends
     ax.add_patch(
         Rectangle(
@@ -372,24 +355,25 @@ def trend(reduction: Reduction) -> Figure | None:
     """
     if len(reduction.complete) < TREND_FROM:
         return None
-    energies = [m for m in reduction.rig.cascade.energies if reduction.mean[m] is not None]
-    etas = known_ratios(reduction)
-    groups = [row for row in (("Efficiency", "1", etas), ("Energy", "J", energies)) if row[2]]
+    cascade, mean = reduction.rig.cascade, reduction.mean
+    groups = [
+        (title, unit, known)
+        for title, unit, names in (
+            ("Efficiency", "1", cascade.ratios),
+            ("Energy", "J", cascade.energies),
+        )
+        if (known := [name for name in names if mean[name] is not None])
+    ]
     if not groups:
         return None
     figure, axes = panel_figure(0.4 + 1.6 * len(groups), len(groups), share="x")
     for ax, letter, (title, unit, names) in zip(axes, "ab", groups, strict=False):
-        label_panel(ax, letter, title, unit=draw_trend(ax, reduction, names, unit))
+        label_panel(ax, letter, title, unit=_trend(ax, reduction, names, unit))
     axes[-1].set_xlabel("Cycle")
     return figure
 
 
-def known_ratios(reduction: Reduction) -> list[str]:
-    """Efficiencies that the log gives."""
-    return [m for m in reduction.rig.cascade.ratios if reduction.mean[m] is not None]
-
-
-def draw_trend(ax: Axes, reduction: Reduction, names: Sequence[str], unit: str) -> str:
+def _trend(ax: Axes, reduction: Reduction, names: Sequence[str], unit: str) -> str:
     """Draw metrics of one unit over the number of the complete cycle; gives the unit of the
     axis.
     """

@@ -8,14 +8,13 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from winchcascade.report.figures.style import (
     COLOURS,
+    from_zero,
     label_panel,
     legend_above,
     line_entry,
-    load_style,
     panel_figure,
 )
 from winchcascade.rig.ledger import LEDGER
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from winchcascade.diagnosis.handover.posterior import Band
 
@@ -34,6 +34,9 @@ COVERED = 0.05
 
 COMPARED = ("best_over_fixed", "schedule_over_fixed", "schedule_over_best")
 """Comparisons of loads, in the order in which they are drawn."""
+
+GAINS = ("above", "below", "extra")
+"""Colours of the comparisons."""
 
 SMALL = 0.005
 """Share of the net power of the line up to which a loss is in the table alone. [1]"""
@@ -57,7 +60,7 @@ def power_figure(found: SeaStudy) -> Figure:
     x = np.arange(len(rows))
     _bars(axes, x, [row.values["p_gen_w"] for row in rows], [row.outside > COVERED for row in rows])
     axes.set(ylabel="Mean power at the DC link (W)")
-    axes.set_ylim(bottom=0.0)
+    from_zero(axes)
     _name_seas(axes, rows)
     return figure
 
@@ -146,7 +149,7 @@ def gains_figure(found: SeaStudy) -> Figure | None:
     figure, (axes,) = panel_figure(2.4)
     entries = []
     for k, name in enumerate(named):
-        colour, _ = load_style(2 * k)
+        colour = GAINS[k]
         percent = [_times(row.gain[name], 100.0) for row in rows]
         x = np.arange(len(rows)) + 0.2 * (k - 0.5 * (len(named) - 1))
         _bars(axes, x, percent, [row.outside > COVERED for row in rows], colour)
@@ -178,7 +181,7 @@ def peaks_figure(found: SeaStudy) -> Figure:
         if name in found.limits and found.seas.froude == 1.0:
             axes.axhline(found.limits[name], color=COLOURS["repaired"], lw=1.0)
         label_panel(axes, letter, PEAK_TITLES[quantity], unit=QUANTITIES[quantity])
-        axes.set_ylim(bottom=0.0)
+        from_zero(axes)
         _name_seas(axes, rows)
     return figure
 

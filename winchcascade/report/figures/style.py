@@ -5,18 +5,14 @@ looks and legends.
 from __future__ import annotations
 
 import logging
+import math
 import re
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict, TypeVar
 
-import matplotlib
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.font_manager import get_font_names
-from matplotlib.lines import Line2D
-from matplotlib.patches import Rectangle
 
 logging.getLogger("matplotlib").setLevel(
     logging.ERROR
@@ -24,6 +20,7 @@ logging.getLogger("matplotlib").setLevel(
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from winchcascade.core.run import Signal
 
@@ -66,7 +63,7 @@ colour-blind; signs are blue (above) and orange (below).
 """
 
 LOAD_COLOURS = tuple(f"load{k}" for k in range(7))
-"""Colours of logs in the order of their loads, from an open circuit to the heaviest."""
+"""Colours of loads: that of an open circuit, then those of the others in their order."""
 
 
 class Look(NamedTuple):
@@ -154,6 +151,9 @@ _RC = {
 @contextmanager
 def house_style() -> Iterator[None]:
     """Draw within this context in the project's style, whatever the user's matplotlib is set to."""
+    import matplotlib
+    from matplotlib.font_manager import get_font_names
+
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         there = set(get_font_names())
@@ -168,6 +168,8 @@ def house_style() -> Iterator[None]:
 # ----------------------------------------------------------------------------------------- panels
 def wide_figure(height: float) -> Figure:
     """An empty figure of some height [in], laid out by constrained layout when it is drawn."""
+    from matplotlib.figure import Figure
+
     return Figure((WIDTH, height), layout="constrained")
 
 
@@ -204,6 +206,11 @@ def label_panel(
     axes.yaxis.set_offset_position("right")
     label = y or unit
     axes.set(**{"xlabel": x} if x else {}, **{"ylabel": label} if label else {})
+
+
+def from_zero(ax: Axes) -> None:
+    """Begin a vertical axis at zero, or below it where a mark lies there."""
+    ax.set_ylim(bottom=min(0.0, ax.dataLim.y0))
 
 
 def shade_over_speed(ax: Axes, rated: float | None) -> bool:
@@ -313,15 +320,39 @@ Entry = tuple[Any, str]
 """What a legend shows, and its text."""
 
 
-def load_style(k: int) -> tuple[str, str]:
-    """Colour and marker of the load at place k; where colours come again, the markers are
-    others.
+class LoadLook(NamedTuple):
+    """Look of a load in every figure of its campaign: name of its colour, and marker."""
+
+    colour: str
+    mark: str
+
+
+def load_looks(loads: Iterable[float | None]) -> dict[float | None, LoadLook]:
+    """Look of each load of a campaign: the open circuit and an unknown one have a fixed one, the
+    others have theirs in their order, from the largest resistance on. [ohm]
+
+    A page that shows the loads of a campaign with or without its open circuit gives each the same
+    look. Where colours come again, the markers are others.
+
+    >>> load_looks([9.0, math.inf, 18.0])[18.0] == load_looks([18.0, 9.0])[18.0]
+    True
     """
-    return LOAD_COLOURS[k % len(LOAD_COLOURS)], MARKS[(k + k // len(LOAD_COLOURS)) % len(MARKS)]
+    known = sorted({load for load in loads if load is not None and load != math.inf}, reverse=True)
+    colours = LOAD_COLOURS[1:]
+    looks: dict[float | None, LoadLook] = {
+        math.inf: LoadLook(LOAD_COLOURS[0], MARKS[0]),
+        None: LoadLook("soft", MARKS[0]),
+    }
+    for k, load in enumerate(known):
+        mark = MARKS[(1 + k + 2 * (k // len(colours))) % len(MARKS)]
+        looks[load] = LoadLook(colours[k % len(colours)], mark)
+    return looks
 
 
 def line_entry(text: str, colour: str = "ink", **style: Any) -> Entry:
     """Entry of a legend for a line or, with a marker in its style, for points."""
+    from matplotlib.lines import Line2D
+
     return Line2D([], [], **{"color": COLOURS[colour], **style}), text
 
 
@@ -332,6 +363,8 @@ def samples_entry(text: str, colour: str) -> Entry:
 
 def patch_entry(text: str, colour: str, **style: Any) -> Entry:
     """Entry of a legend for a shade."""
+    from matplotlib.patches import Rectangle
+
     return Rectangle(
         (0, 0), 1, 1, **{"fc": COLOURS[colour], "ec": COLOURS["soft"], "lw": 0.4, **style}
     ), text

@@ -1,10 +1,11 @@
-"""A figure of a report as a file, without the time at which it was made: the same each time that
-it is drawn.
+"""What page and PDF share: the files of a figure, the same each time that it is drawn, and the folder
+of the templates.
 """
 
 from __future__ import annotations
 
 import io
+from pathlib import Path
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
@@ -27,8 +28,9 @@ figures share them.
 """
 
 
-def drawn(figure: Figure, ending: str = "svg") -> bytes:
-    """A figure, which does not change afterwards, as SVG, PDF or PNG."""
+def drawn(figure: Figure | None, ending: str = "svg") -> bytes:
+    """The figure of a picture, which does not change afterwards, as SVG, PDF or PNG."""
+    assert figure is not None  # renderers leave out pictures of nothing
     files = _DRAWN.setdefault(figure, {})
     if ending not in files:
         files[ending] = _draw(figure, ending)
@@ -45,3 +47,12 @@ def _draw(figure: Figure, ending: str) -> bytes:
     out = io.BytesIO()
     figure.savefig(out, format=ending, dpi=300, metadata=_ABOUT[ending])
     return out.getvalue()
+
+
+_PACKAGE = Path(__file__).parents[2]
+
+
+def template_folder() -> Path:
+    """Folder of the report's templates."""
+    inside = _PACKAGE / "templates"
+    return inside if inside.is_dir() else _PACKAGE.parent / "templates"

@@ -15,7 +15,7 @@ from winchcascade.core.files import write_set
 from winchcascade.core.plain_text import cell_text
 from winchcascade.core.store import inside, make_one
 from winchcascade.core.version import GENERATOR
-from winchcascade.report.content import Picture, Report, Table
+from winchcascade.report.content import PROVENANCE, Report, Table
 from winchcascade.report.glossary import RAISED, SUBSCRIPT, typeset
 from winchcascade.report.render.drawing import drawn
 
@@ -37,14 +37,15 @@ def stem_of(name: str) -> str:
 
 
 def write_tables(report: Report, folder: Path, name: str, *, force: bool = False) -> None:
-    """Write each table of a report as CSV, LaTeX and Markdown into a folder, all or none.
+    """Write each table of a report but its provenance as CSV, LaTeX and Markdown into a folder,
+    all or none.
 
     Raises
     ------
     OutputError : the folder cannot be written, or holds a file of that name from elsewhere and
         `force` does not allow it
     """
-    tables = (block for block in report.blocks if isinstance(block, Table))
+    tables = (b for b in report.blocks if isinstance(b, Table) and b.id != PROVENANCE)
     _write(
         {f"{stem_of(name)}_{t.id}.{ending}": text for t in tables for ending, text in _texts(t)},
         folder,
@@ -56,14 +57,11 @@ def write_figures(report: Report, folder: Path, name: str, *, force: bool = Fals
     """Write each figure of a report as SVG, PDF and PNG into a folder, all or none; errors as of
     `write_tables`.
     """
-    pictures = [
-        *([report.lead] if report.lead else []),
-        *(b for b in report.blocks if isinstance(b, Picture)),
-    ]
     _write(
         {
             f"{stem_of(name)}_{one.id}.{ending}": drawn(one.figure, ending)
-            for one in pictures
+            for one in report.pictures
+            if one.figure is not None
             for ending in FIGURE_FORMATS
         },
         folder,

@@ -9,15 +9,17 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from winchcascade.core.version import GENERATOR
-from winchcascade.report.content import Picture, Report, Section, Table
+from winchcascade.report.content import Picture, Report, Table
 from winchcascade.report.figures.style import COLOURS, WIDTH
 from winchcascade.report.glossary import SUBSCRIPT, clean, typeset
-from winchcascade.report.render.drawing import drawn
-from winchcascade.report.render.fonts import template_folder
+from winchcascade.report.render.drawing import drawn, template_folder
 
 if TYPE_CHECKING:
     import jinja2
     from markupsafe import Markup
+
+IDENTIFIER = re.compile(r"\([a-z][a-z0-9]*(?:_[a-z0-9]+)+(?:\([^()]*\))?\)")
+"""An identifier in brackets behind the label of what it names, which is set small."""
 
 LONG = 32
 """A longer text in a cell may break into lines. [characters]"""
@@ -27,8 +29,9 @@ def page_text(report: Report) -> str:
     """A report as a page."""
     from markupsafe import Markup
 
-    folder = template_folder()
-    histories = any(isinstance(block, Picture) and block.histories for block in report.blocks)
+    report, folder = report.illustrated(), template_folder()
+    histories = any(one.histories for one in report.pictures)
+    lead = None if report.lead is None else report.lead.figure
     scripts = [*(["uplot.js"] if histories else []), "page.js"]
     styles = [*(["uplot.css"] if histories else []), "page.css"]
     return (
@@ -39,8 +42,8 @@ def page_text(report: Report) -> str:
             generator=GENERATOR,
             style=Markup("".join((folder / name).read_text(encoding="utf-8") for name in styles)),
             scripts=[Markup((folder / name).read_text(encoding="utf-8")) for name in scripts],
-            numbers=_numbered(report.filled, report.lead),
-            beside=report.lead is not None and report.lead.figure.get_figwidth() < WIDTH,
+            numbers=_numbered(report),
+            beside=lead is not None and lead.get_figwidth() < WIDTH,
         )
     )
 
@@ -50,10 +53,10 @@ def table_html(heading: str, table: Table[Any] | None) -> str:
     return _environment().get_template("notebook.html.j2").render(heading=heading, block=table)
 
 
-def _numbered(sections: list[Section], lead: Picture | None) -> dict[str, int]:
+def _numbered(report: Report) -> dict[str, int]:
     """Numbers of figures and tables by their names, each from 1 on."""
-    blocks = [*([lead] if lead else []), *(block for one in sections for block in one.blocks)]
-    named = [[b.id for b in blocks if isinstance(b, kind)] for kind in (Picture, Table)]
+    tables = [block for block in report.blocks if isinstance(block, Table)]
+    named = ([block.id for block in kind] for kind in (report.pictures, tables))
     return {name: k for names in named for k, name in enumerate(names, start=1)}
 
 
@@ -77,7 +80,8 @@ def _text(text: str) -> Markup:
     """A text as a page sets it."""
     from markupsafe import Markup, escape
 
-    return Markup(SUBSCRIPT.sub(r"\1<sub>\2</sub>", str(escape(typeset(clean(text))))))
+    low = SUBSCRIPT.sub(r"\1<sub>\2</sub>", str(escape(typeset(clean(text)))))
+    return Markup(IDENTIFIER.sub(r"<small>\g<0></small>", low))
 
 
 def _rows(table: Table[Any]) -> dict[str, Any]:

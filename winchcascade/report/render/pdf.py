@@ -1,11 +1,13 @@
 """A report as a PDF, typeset by Typst from the same rows and figures as the page; texts reach it
-as data, never as markup.
+as data, never as markup; and the fonts that it needs.
 """
 
 from __future__ import annotations
 
+import re
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -14,7 +16,10 @@ from winchcascade.report.content import Block, Picture, Report, Table
 from winchcascade.report.figures.style import WIDTH
 from winchcascade.report.glossary import SUBSCRIPTS, clean, typeset
 from winchcascade.report.render import drawing
-from winchcascade.report.render.fonts import fonts_for, fonts_in, lacking_letters, template_folder
+from winchcascade.report.render.drawing import template_folder
+
+if TYPE_CHECKING:
+    import typst
 
 
 def pdf_bytes(report: Report) -> bytes:
@@ -22,8 +27,10 @@ def pdf_bytes(report: Report) -> bytes:
     import matplotlib
     import typst
 
-    text = msgspec.json.encode(_record(report, drawn=True)).decode()
-    strange = lacking_letters(msgspec.json.encode(_record(report, drawn=False)).decode())
+    report = report.illustrated()
+    text = msgspec.json.encode(_record(report)).decode()
+    figures = {one.id: drawing.drawn(one.figure).decode() for one in report.pictures}
+    strange = lacking_letters(text)
     fallback = fonts_for(strange) if strange else []
     for letter in strange - {letter for _, covers in fallback for letter in covers}:
         text = text.replace(letter, f"⟨U+{ord(letter):04X}⟩")
@@ -31,7 +38,7 @@ def pdf_bytes(report: Report) -> bytes:
     content = typst.Compiler(
         (template_folder() / "report.typ").read_bytes(),
         font_paths=fonts_in((fonts, *(Path(file).parent for file, _ in fallback))),
-        sys_inputs={"report": text},
+        sys_inputs={"report": text, "figures": msgspec.json.encode(figures).decode()},
     ).compile(timestamp=int(made_at().timestamp()))
     assert isinstance(content, bytes)
     return content
@@ -41,8 +48,8 @@ def _text(text: str) -> str:
     return typeset(clean(text))
 
 
-def _record(report: Report, *, drawn: bool) -> dict[str, Any]:
-    """A report as the template reads it; `drawn` with its figures."""
+def _record(report: Report) -> dict[str, Any]:
+    """A report as the template reads it, figures by their names."""
     return {
         "kind": report.kind,
         "title": _text(report.title),
@@ -63,26 +70,25 @@ def _record(report: Report, *, drawn: bool) -> dict[str, Any]:
             {"about": note.about, "text": _text(note.text), "tone": note.tone}
             for note in report.notes
         ],
-        "lead": None if report.lead is None else _block(report.lead, drawn=drawn),
+        "lead": None if report.lead is None else _block(report.lead),
         "sections": [
             {
                 "heading": _text(one.heading),
-                "blocks": [_block(block, drawn=drawn) for block in one.blocks],
+                "blocks": [_block(block) for block in one.blocks],
             }
-            for one in report.filled
+            for one in report.sections
         ],
     }
 
 
-def _block(block: Block, *, drawn: bool) -> dict[str, Any]:
+def _block(block: Block) -> dict[str, Any]:
     if isinstance(block, Picture):
-        svg = drawing.drawn(block.figure).decode() if drawn else ""
-        share = float(block.figure.get_figwidth() / WIDTH)
+        share = float(block.figure.get_figwidth() / WIDTH) if block.figure is not None else 1.0
         return {
             "type": "picture",
             "caption": _text(block.caption),
             "alt": _text(block.alt),
-            "svg": svg,
+            "figure": block.id,
             "share": share,
         }
     if isinstance(block, Table):
@@ -99,3 +105,57 @@ def _block(block: Block, *, drawn: bool) -> dict[str, Any]:
             "summary": len(below),
         }
     return {"type": "note", "about": _text(block.about), "text": _text(block.text)}
+
+
+@cache
+def fonts_in(folders: tuple[Path, ...]) -> typst.Fonts:
+    """The fonts in some folders, which the PDFs of a batch share."""
+    import typst
+
+    return typst.Fonts(include_system_fonts=False, font_paths=list(folders))
+
+
+def lacking_letters(text: str) -> set[str]:
+    """Letters of a text that the font which is always there lacks."""
+    import matplotlib
+
+    font = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
+    return {c for c in set(text) if ord(c) > 0x7F and ord(c) not in _covered(font)}
+
+
+@cache
+def _covered(font: Path) -> frozenset[int]:
+    """Characters of the font that is always there."""
+    return frozenset(_characters(str(font)))
+
+
+def _characters(font: str) -> set[int]:
+    from matplotlib.ft2font import FT2Font
+
+    return set(FT2Font(font).get_charmap())
+
+
+def fonts_for(strange: set[str]) -> list[tuple[str, set[str]]]:
+    """Fonts of this system that hold characters which the fonts at hand lack, likely ones first."""
+    from matplotlib.font_manager import findSystemFonts
+
+    likely = re.compile(
+        r"cjk|noto|han|hei|ming|song|gothic|malgun|msjh|pingfang|hiragino|arialuni|unifont",
+        re.IGNORECASE,
+    )
+    found: list[tuple[str, set[str]]] = []
+    missing = set(strange)
+    for file in sorted(
+        findSystemFonts(), key=lambda file: (likely.search(Path(file).name) is None, file)
+    ):
+        try:
+            known = _characters(file)
+        except (RuntimeError, OSError):  # a font that cannot be read is none
+            continue
+        covers = {c for c in missing if ord(c) in known}
+        if covers:
+            found.append((file, covers))
+            missing -= covers
+        if not missing:
+            break
+    return found

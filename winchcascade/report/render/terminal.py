@@ -56,10 +56,8 @@ def terminal_text(report: Report, files: Sequence[Path | str] = ()) -> str:
     for note in report.notes:
         if note.brief:
             console.print(_note(note))
-    for section in report.filled:
-        brief = [
-            block for block in section.blocks if isinstance(block, Table | Note) and block.brief
-        ]
+    for section in report.sections:
+        brief = section.brief
         if brief:
             console.print(Text(f"\n{_safe(section.heading)}", style="bold"))
         for k, block in enumerate(brief):

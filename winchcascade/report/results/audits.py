@@ -49,10 +49,10 @@ nothing. [1]
 CONTRADICTED: tuple[Column[Contradiction], ...] = (
     Column("row", lambda c: c.row.name, brief=False),
     Column("cell", lambda c: c.metric, brief=False),
-    Column("printed", lambda c: Measured(c.printed.value, PRINTED * c.printed.rounding), brief=False, own_digits=True),
+    Column("printed", lambda c: Measured(c.printed.value, PRINTED * c.printed.rounding), brief=False),
     Column(
         "allowed", lambda c: Span(c.allowed.low, c.allowed.high, 0.1 * PRINTED * c.printed.rounding),
-        brief=False, own_digits=True,
+        brief=False,
     ),
     Column("unit", lambda c: "" if c.printed.unit == "1" else c.printed.unit, brief=False),
     Column("what contradicts what", lambda c: _contradiction_words(c)),

@@ -1,32 +1,60 @@
 """What a calibration states: the numbers of the rig beside those of its file, what speaks
-against them, and its JSON.
+against them, its figures, and its JSON.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from winchcascade.core.campaign_file import origin_record
 from winchcascade.core.store import fingerprint
 from winchcascade.core.version import __version__
-from winchcascade.diagnosis.handover.calibrate import STRAINED, Calibration, Number, Strain
+from winchcascade.diagnosis.fit.block_means import HAUL_IN, PAYOUT
+from winchcascade.diagnosis.fit.predict import CHANNELS
+from winchcascade.diagnosis.handover.calibrate import (
+    STRAINED,
+    Calibration,
+    FittedBlocks,
+    Number,
+    Strain,
+)
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.report.content import (
-    Block,
     Column,
     Measured,
     Note,
+    Picture,
     Report,
     Span,
     Tile,
-    picture,
     section,
     shown,
     table,
 )
+from winchcascade.report.figures.style import (
+    COLOURS,
+    LineStyle,
+    dots,
+    from_zero,
+    label_panel,
+    legend_above,
+    line_entry,
+    panel_figure,
+    patch_entry,
+    samples_entry,
+)
 from winchcascade.report.results.common import data_note, provenance
 from winchcascade.report.wording import banner
+from winchcascade.rig.backemf import BackEmf
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 LAG_SIGNIFICANT = 3.0
 """Number of standard uncertainties from which a lag is reported."""
@@ -47,12 +75,12 @@ WHAT = {
 
 NUMBERS: tuple[Column[Number], ...] = (
     Column("number", lambda n: n.name),
-    Column("rig file", lambda n: Measured(n.before, n.u), own_digits=True),
-    Column("found", lambda n: Measured(n.value, n.u), own_digits=True),
-    Column("u", lambda n: Measured(n.u, n.u), own_digits=True, brief=False),
-    Column("95 % interval", lambda n: Span(n.low, n.high, n.u), own_digits=True),
+    Column("rig file", lambda n: Measured(n.before, n.u)),
+    Column("found", lambda n: Measured(n.value, n.u)),
+    Column("u", lambda n: Measured(n.u, n.u), brief=False),
+    Column("95 % interval", lambda n: Span(n.low, n.high, n.u)),
     Column("unit", lambda n: "" if n.unit == "1" else n.unit),
-    Column("change", lambda n: _change(n), "%", signed=True, own_digits=True),
+    Column("change", lambda n: _change(n), "%", signed=True),
     Column("found from", lambda n: n.how, brief=False),
 )
 
@@ -62,15 +90,8 @@ STRAINS: tuple[Column[Strain], ...] = (
 )
 
 
-def calibration_report(
-    calibration: Calibration, fit: Sequence[Block | None] = (), *, command: str = ""
-) -> Report:
-    """Report of a calibration.
-
-    Parameters
-    ----------
-    fit : figures of the fits, as `fit_blocks` makes them
-    """
+def calibration_report(calibration: Calibration, *, command: str = "") -> Report:
+    """Report of a calibration."""
     run, rig, against = calibration.run, calibration.rig, _against(calibration)
     outcome = Note(_outcome(calibration), "Outcome", "warn" if against else "good", brief=False)
     together = "; ".join(calibration.together)
@@ -86,7 +107,7 @@ def calibration_report(
                 table("calibrated-numbers", "Calibrated numbers of the rig.", NUMBERS, calibration.numbers),
                 Note(f"{together}: an open circuit cannot distinguish them.", "Together") if together else None,
             ),
-            section("fit", "Fit", *fit, Note(_regression(calibration), "Back-EMF")),
+            section("fit", "Fit", *_fit_pictures(calibration), Note(_regression(calibration), "Back-EMF")),
             section(
                 "strained", "Priors that the fit exceeds",
                 table("strained", "Moves beyond what is known.", STRAINS, calibration.strained, brief=False), folded=True,
@@ -108,14 +129,6 @@ def calibration_report(
         verdict=outcome,
         banner=banner([run.origin]),
     )  # fmt: skip
-
-
-def drawn_calibration(calibration: Calibration, *, command: str = "") -> Report:
-    """Report of a calibration with its figures."""
-    from winchcascade.report.figures.style import house_style
-
-    with house_style():
-        return calibration_report(calibration, fit_blocks(calibration), command=command)
 
 
 def _change(number: Number) -> Measured | None:
@@ -236,12 +249,8 @@ def _regression(calibration: Calibration) -> str:
     )
 
 
-def fit_blocks(calibration: Calibration) -> list[Block | None]:
-    """Viscous loss and screw by the blocks of the fit, and the regression of the back-EMF. Called
-    within the style of figures.
-    """
-    from winchcascade.report.figures.calibration_figures import back_emf_figure, damper_and_screw
-
+def _fit_pictures(calibration: Calibration) -> list[Picture]:
+    """Viscous loss and screw by the blocks of the fit, and the regression of the back-EMF."""
     word, gas = calibration.run.origin.word, calibration.rig.restoring.has_gas
     over = (
         "gas pressure: screw friction makes that of payout and haul-in"
@@ -249,20 +258,23 @@ def fit_blocks(calibration: Calibration) -> list[Block | None]:
         else "displacement in payout and haul-in"
     )
     return [
-        picture(
-            damper_and_screw(calibration.blocks, word=word), "model-damper",
+        Picture(
+            "model-damper",
             "Block means of the log and of the fit. Torque in payout beyond that of a shaft "
-            "without the viscous loss, over "
-            f"generator speed. Line tension over {over}.",
+            f"without the viscous loss, over generator speed. Line tension over {over}.",
             "Dots along a line through zero, and along the two branches of payout and haul-in.",
+            partial(damper_and_screw, calibration.blocks, word=word),
         ),
-        picture(
-            back_emf_figure(calibration.regression, calibration.numbers[0].before, word=word), "model-emf",
-            "DC voltage and back-EMF over generator speed; the line has the slope k_e (Fig. 12 of "
-            "Hsu et al. 2026).",
+        Picture(
+            "model-emf",
+            "Back-EMF over generator speed; the line has the slope k_e (Fig. 12 of Hsu et al. "
+            "2026).",
             "Dots along a straight line through zero.",
+            partial(
+                back_emf_figure, calibration.regression, calibration.numbers[0].before, word=word
+            ),
         ),
-    ]  # fmt: skip
+    ]
 
 
 # --------------------------------------------------------------------------------------- the JSON
@@ -312,3 +324,67 @@ def calibration_record(calibration: Calibration) -> dict[str, object]:
             {"name": strain.name, "tolerances": strain.by} for strain in calibration.strained
         ],
     }
+
+
+SPEED = "Generator speed (rpm)"
+
+KGF_PER_CM2 = 1.0 / 98066.5
+"""From Pa to kg/cm2."""
+
+
+def damper_and_screw(blocks: FittedBlocks, *, word: str) -> Figure:
+    """Draw the torque of the viscous loss over generator speed, and line tension over gas pressure,
+    without gas over displacement.
+    """
+    figure, (left, right) = panel_figure(2.8, 1, 2)
+    force, torque, pressure = (CHANNELS.index(name) for name in ("force", "torque", "pressure"))
+    out = np.flatnonzero(blocks.phase == PAYOUT)[np.argsort(blocks.rpm[blocks.phase == PAYOUT])]
+    taken = blocks.measured[:, torque] - (blocks.fitted[:, torque] - blocks.damper)
+    dots(left, blocks.rpm[out], taken[out], COLOURS["ink"])
+    left.plot(blocks.rpm[out], blocks.damper[out], color=COLOURS["mech"], lw=0.9)
+    label_panel(left, "a", "Torque of the viscous loss, at the PTO shaft", x=SPEED, unit="N·m")
+    marks: LineStyle = {"ls": "none", "marker": ".", "ms": 3.0, "mew": 0.0}
+    moving = np.isin(blocks.phase, (PAYOUT, HAUL_IN))
+    over, label = blocks.fitted[:, pressure] * KGF_PER_CM2, "Gas pressure, gauge (kg/cm²)"
+    if blocks.displacement is not None:
+        over, label = blocks.displacement, "Line displacement (m)"
+    dots(right, over[moving], blocks.measured[moving, force], COLOURS["ink"])
+    for phase, colour in ((PAYOUT, "mech"), (HAUL_IN, "gen")):
+        here = blocks.phase == phase
+        right.plot(over[here], blocks.fitted[here, force], color=COLOURS[colour], **marks)
+    label_panel(right, "b", "Line tension", x=label, unit="N")
+    names = {"fitted, payout": "mech", "fitted, haul-in": "gen"}
+    legend_above(
+        figure,
+        [samples_entry(word, "ink"), *(line_entry(name, c, **marks) for name, c in names.items())],
+    )
+    return figure
+
+
+def back_emf_figure(fit: BackEmf, reference: float, *, word: str) -> Figure:
+    """Draw the back-EMF of an open circuit over generator speed, with the line through zero
+    (Fig. 12).
+
+    Parameters
+    ----------
+    reference : back-EMF constant of the rig file, not finite where it has none [V/rpm]
+    """
+    figure, (ax,) = panel_figure(2.6)
+    ends = np.array([0.0, 1.05 * float(fit.rpm.max())])
+    rig: LineStyle = {"ls": (0, (5, 2)), "lw": 0.9}
+    entries = [
+        samples_entry(f"{word}, samples used", "ink"),
+        line_entry("line through zero", "mech", lw=0.9),
+    ]
+    if np.isfinite(reference):
+        ax.fill_between(
+            ends, 0.9 * reference * ends, 1.1 * reference * ends, color=COLOURS["payout"], lw=0
+        )
+        ax.plot(ends, reference * ends, color=COLOURS["soft"], **rig)
+        entries += [line_entry("rig file", "soft", **rig), patch_entry("rig file ± 10 %", "payout")]
+    ax.plot(ends, fit.k_e * ends, color=COLOURS["mech"], lw=0.9)
+    dots(ax, fit.rpm, fit.v_ll, COLOURS["ink"])
+    from_zero(ax)
+    ax.set(xlim=ends, xlabel=SPEED, ylabel="Back-EMF, line to line, rms (V)")
+    legend_above(figure, entries)
+    return figure

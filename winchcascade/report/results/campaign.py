@@ -5,15 +5,19 @@ was found in its logs.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
+from functools import partial
+from pathlib import Path
 
 from msgspec import UNSET
 
+from winchcascade.core.campaign_file import joint_origin
 from winchcascade.core.cascade import field_of
 from winchcascade.core.plain_text import first_of, one_line
 from winchcascade.reduction.campaign_record import (
     Best,
     CampaignRecord,
+    CampaignReduction,
     FailedLog,
     LogSummary,
     cascade_of,
@@ -22,9 +26,10 @@ from winchcascade.reduction.campaign_record import (
     unlike_motion,
     window_rules,
 )
-from winchcascade.reduction.run_record import FindingRecord
-from winchcascade.reduction.wave_energies import CampaignWaves
+from winchcascade.reduction.run_record import FindingRecord, RunRecord, read_results
+from winchcascade.reduction.wave_energies import CampaignWaves, LogWaves, campaign_waves
 from winchcascade.report.content import (
+    Blocks,
     Column,
     Note,
     Picture,
@@ -35,18 +40,19 @@ from winchcascade.report.content import (
     shown,
     table,
 )
+from winchcascade.report.figures.campaign_figures import comparable, over_load, over_what
 from winchcascade.report.glossary import metric
 from winchcascade.report.results.campaign_tables import (
     budget_table,
     given,
     interval,
     logs_table,
-    mean_texts,
+    mean_of,
     net_table,
     repeatability_table,
     uncertainty_table,
 )
-from winchcascade.report.results.common import data_note, provenance
+from winchcascade.report.results.common import data_note, model_section, provenance
 from winchcascade.report.results.waves import campaign_waves_section, wave_tiles
 from winchcascade.report.wording import banner, load_words, origin_words
 
@@ -60,10 +66,30 @@ NAMED_LOGS = 3
 """Logs with findings that a sentence names."""
 
 
+def written_campaign(campaign: CampaignRecord, folder: Path, *, command: str = "") -> Report:
+    """Report of a campaign whose results are in a folder, beside the simulations of its logs."""
+    runs, waves = runs_by_load(campaign.reduced), None
+    if campaign.waves is not UNSET:
+        paths = {run.name: folder / run.result for run in campaign.reduced}
+        waves = _waves(read_results(paths))
+
+    def simulated() -> Blocks:
+        from winchcascade.report.results.model_section import campaign_parts
+
+        return campaign_parts(runs, folder)
+
+    model = model_section(joint_origin([run.origin for run in runs]).word, simulated)
+    return campaign_report(campaign, model=model, waves=waves, linked=True, command=command)
+
+
+def reduced_campaign(result: CampaignReduction, *, command: str = "") -> Report:
+    """Report of the reductions of a campaign, without the simulations of its logs."""
+    return campaign_report(result.summary, waves=_waves(result.records.items()), command=command)
+
+
 def campaign_report(
     campaign: CampaignRecord,
     *,
-    drawn: Mapping[str, Picture | None] | None = None,
     model: Section | None = None,
     waves: CampaignWaves | None = None,
     linked: bool = False,
@@ -73,14 +99,17 @@ def campaign_report(
 
     Parameters
     ----------
-    drawn : figures by their names, as `drawn_campaign` makes them; a terminal needs none
     model : the logs beside their simulations
     waves : of the logs whose cycles are waves; those of the record, of all logs together alone, if
         not given
     linked : whether the pages of the single logs stand beside that of the campaign
     """
-    runs, figure = runs_by_load(campaign.reduced), (drawn or {}).get
-    rigs, verdict = sorted({run.rig for run in runs}), verdict_note(runs)
+    runs = runs_by_load(campaign.reduced)
+    rigs, verdict, loads = (
+        sorted({run.rig for run in runs}),
+        verdict_note(runs),
+        _loads_picture(runs),
+    )
     if waves is None and campaign.waves is not UNSET:
         waves = CampaignWaves(campaign.waves, (), campaign.waves.left_out)
     return Report(
@@ -88,13 +117,13 @@ def campaign_report(
         title=campaign.title,
         subtitle=f"rig {', '.join(rigs)}" if rigs else "",
         tiles=tiles(runs) if waves is None else wave_tiles(waves.together),
-        lead=figure("loads") if waves is None else None,
+        lead=loads if waves is None else None,
         points=[verdict, *points(campaign, runs), *_between(campaign), *fault_notes(campaign.failed)],
         sections=[
-            *([] if waves is None else [campaign_waves_section(waves, drawn=drawn is not None)]),
+            *([] if waves is None else [campaign_waves_section(waves)]),
             section(
                 "results", "Energies and efficiencies",
-                None if waves is None else figure("loads"),
+                None if waves is None else loads,
                 budget_table(runs, linked=linked) if runs else None,
                 folded=waves is not None,
             ),
@@ -103,7 +132,6 @@ def campaign_report(
                 "uncertainty", "Uncertainty and repeatability",
                 uncertainty_table(runs), repeatability_table(runs), folded=True,
             ),
-            section("speed", "Over generator speed", figure("speed"), folded=True),
             *([] if model is None else [model]),
             section(
                 "findings", "Logs and findings",
@@ -116,6 +144,22 @@ def campaign_report(
         ],
         banner=banner([run.origin for run in runs]),
     )  # fmt: skip
+
+
+def _loads_picture(runs: Sequence[LogSummary]) -> Picture:
+    """Powers and efficiencies over the load."""
+    drawn = loaded(runs)
+    caption = f"Mean powers and efficiencies over {over_what(drawn)}; bars are 95 % intervals."
+    if len(comparable(drawn)) > 1:
+        caption += " Lines join only logs of one window rule and of one kind of data; hollow markers are of another."
+    caption += " The points are not of one motion." if unlike_motion(drawn) else ""
+    words = "Points of powers and efficiencies over the load; the values are in the table."
+    return Picture("loads", caption, words, partial(over_load, drawn))
+
+
+def _waves(records: Iterable[tuple[str, RunRecord]]) -> CampaignWaves | None:
+    """The waves of the logs of a campaign together, by the records of its logs."""
+    return campaign_waves(LogWaves(name, of.log.load, of.waves) for name, of in records if of.waves)
 
 
 BETWEEN: tuple[Column[tuple[str, FindingRecord]], ...] = (
@@ -149,20 +193,16 @@ def tiles(runs: Sequence[LogSummary]) -> list[Tile]:
         return []
     cascade, best, found = cascade_of(runs), rank_loads(loaded(runs)).best, []
     eta, power = cascade.overall, f"power_{cascade.names[-1]}"
-    texts = mean_texts(runs, (eta, power))
     if best is not None:
         there = "there" if best.logs == 1 else f"there, highest of {best.logs} logs"
         ends = f"95 %: {shown(interval(best.run, eta))}"
         found += [
             Tile("Best load", "", called(best.run), f"with a probability of {_likely(best)} %"),
-            Tile(eta, there, texts[best.run.name, eta], ends),
+            Tile(eta, there, mean_of(best.run, eta), ends),
         ]
     return [
         *found,
-        *(
-            _largest(runs, name, texts)
-            for name in given(_closed(runs), [eta, power][bool(found) :])
-        ),
+        *(_largest(runs, name) for name in given(_closed(runs), [eta, power][bool(found) :])),
     ]
 
 
@@ -170,7 +210,7 @@ def _closed(runs: Sequence[LogSummary]) -> list[LogSummary]:
     return [run for run in runs if not run.open_circuit]
 
 
-def _largest(runs: Sequence[LogSummary], name: str, texts: Mapping[tuple[str, str], str]) -> Tile:
+def _largest(runs: Sequence[LogSummary], name: str) -> Tile:
     """The largest mean of a metric of any log with a load."""
     known = [run for run in _closed(runs) if run.mean.get(field_of(name)) is not None]
     run, unit = max(known, key=lambda run: run.mean[field_of(name)] or 0.0), metric(name).unit
@@ -180,7 +220,7 @@ def _largest(runs: Sequence[LogSummary], name: str, texts: Mapping[tuple[str, st
     return Tile(
         name,
         f"largest, at {called(run)}{speed}",
-        f"{texts[run.name, name]} {unit}".rstrip(),
+        f"{mean_of(run, name)} {unit}".rstrip(),
         beside,
     )
 
@@ -199,9 +239,9 @@ def verdict_note(runs: Sequence[LogSummary]) -> Note | None:
             if several
             else None
         )
-    best, texts = ranking.best, mean_texts(runs, [eta])
+    best = ranking.best
     values = [
-        f"{called(run)} with {eta} = {texts[run.name, eta]}" for run in (best.run, best.following)
+        f"{called(run)} with {eta} = {mean_of(run, eta)}" for run in (best.run, best.following)
     ]
     if best.likely > 0.95:
         return Note(f"Best load: {values[0]}, then {values[1]}.", "Verdict", "good")

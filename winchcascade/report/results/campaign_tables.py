@@ -12,7 +12,7 @@ from winchcascade.core.cascade import field_of
 from winchcascade.reduction.campaign_record import LogSummary, cascade_of
 from winchcascade.report.content import Cell, Column, Measured, Span, Table, table
 from winchcascade.report.glossary import metric, short
-from winchcascade.report.wording import load_text
+from winchcascade.report.wording import load_text, mean_text
 
 LogColumn = Column[LogSummary]
 LogTable = Table[LogSummary] | None
@@ -54,18 +54,12 @@ def _kinds(run: LogSummary) -> str:
 
 
 def mean_column(name: str, *, brief: bool = True) -> LogColumn:
-    """Mean of a metric with the digits that its uncertainty allows; an open circuit, far below
-    the others, has its own.
-    """
+    """Mean of a metric with the digits that its uncertainty allows."""
     field, term = field_of(name), metric(name)
 
     def cell(run: LogSummary) -> Cell:
         mean = run.mean.get(field)
-        return (
-            None
-            if mean is None
-            else Measured(mean, run.standard_uncertainty.get(field), alone=run.open_circuit)
-        )
+        return None if mean is None else Measured(mean, run.standard_uncertainty.get(field))
 
     return Column(short(name), cell, term.unit, term.decimals, brief)
 
@@ -78,7 +72,7 @@ def uncertainty_column(name: str) -> LogColumn:
         u = run.standard_uncertainty.get(field)
         return None if u is None else Measured(u, u)
 
-    return Column(f"u({short(name)})", cell, metric(name).unit, own_digits=True)
+    return Column(f"u({short(name)})", cell, metric(name).unit)
 
 
 def interval_column(name: str) -> LogColumn:
@@ -117,16 +111,10 @@ def given(runs: Sequence[LogSummary], names: Iterable[str]) -> list[str]:
     return [name for name in names if any(run.mean.get(field_of(name)) is not None for run in runs)]
 
 
-def mean_texts(runs: Sequence[LogSummary], names: Iterable[str]) -> dict[tuple[str, str], str]:
-    """Means as a table of some logs shows them, by the name of the log and the metric: a
-    sentence has the same digits.
-    """
-    found = {}
-    for name in names:
-        column = mean_column(name)
-        texts = column.texts([column.of(run) for run in runs])
-        found.update({(run.name, name): text for run, text in zip(runs, texts, strict=True)})
-    return found
+def mean_of(run: LogSummary, name: str) -> str:
+    """Mean of a metric of a log, as a sentence states it."""
+    field = field_of(name)
+    return mean_text(name, run.mean.get(field), run.standard_uncertainty.get(field))
 
 
 # ------------------------------------------------------------------------------------- the tables

@@ -1,11 +1,12 @@
-"""Blocks that the reports of several results have: where the data come from, provenance, and
-time histories.
+"""Blocks that the reports of several results have: where the data come from, provenance, and time
+histories.
 """
 
 from __future__ import annotations
 
 import platform
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy
@@ -14,13 +15,30 @@ from winchcascade.core.campaign_file import Origin
 from winchcascade.core.store import fingerprint
 from winchcascade.core.version import __version__, made_at
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.content import PAIRS, Cell, Note, Section, Table, picture, section
+from winchcascade.report.content import (
+    PAIRS,
+    PROVENANCE,
+    Cell,
+    Note,
+    Picture,
+    Section,
+    Table,
+    section,
+)
+from winchcascade.report.figures.histories import (
+    SHADED_CYCLES,
+    history_figure,
+    history_json,
+    log_history,
+)
 from winchcascade.report.glossary import upper
 from winchcascade.report.wording import origin_words
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Run
+    from winchcascade.report.content import Blocks
     from winchcascade.tables.published_table import PublishedTable
+
 
 PRINTED = 20.0
 """Standard uncertainty with which a number has the decimals that are printed, per half a unit of
@@ -67,30 +85,35 @@ def provenance(rows: Sequence[tuple[str, Cell]], command: str = "") -> Section:
         ("Made on", made_at().strftime("%Y-%m-%d %H:%M:%S UTC")),
     ]
     given = [row for row in (*rows, *made) if row[1] not in (None, "")]
-    listed = Table(
-        "provenance", "What the report was made from, and how.", PAIRS, given, brief=False
-    )
-    return section("provenance", "Provenance", listed, folded=True)
+    listed = Table(PROVENANCE, "What the report was made from, and how.", PAIRS, given, brief=False)
+    return section(PROVENANCE, "Provenance", listed, folded=True)
 
 
 def histories(reduction: Reduction) -> Section:
-    """Channels and powers over the whole log, phases shaded. Called within the style of figures."""
-    from winchcascade.report.figures.histories import history_figure, history_json, log_history
-
-    history = log_history(reduction)
-    caption = "Channels and powers over the whole log." + (
-        " Shaded: payout and hold; lines: integration window." if history.marks else ""
-    )
+    """Channels and powers over the whole log, phases shaded."""
+    history = cache(lambda: log_history(reduction))
+    shaded = 0 < len(reduction.cycles) <= SHADED_CYCLES
+    marked = " Shaded: payout and hold; lines: integration window." if shaded else ""
+    caption = f"Channels and powers over the whole log.{marked}"
     caption += " At the lower edge: repaired stretches." if reduction.run.gaps else ""
     return section(
         "histories", "Time histories",
-        picture(
-            history_figure(history), "histories", caption,
+        Picture(
+            "histories", caption,
             "Line plots of every channel over time; the values are in the log, means of the "
             "phases in the tables.",
-            history_json(history),
+            lambda: history_figure(history()),
+            lambda: history_json(history()),
         ),
     )  # fmt: skip
+
+
+def model_section(word: str, parts: Callable[[], Blocks]) -> Section:
+    """Logs beside their simulations, made where a page needs them; `word` is what the logs are
+    called.
+    """
+    heading = "Measured and simulated" if word == "measured" else "Log and simulation"
+    return Section("model", heading, parts, folded=True)
 
 
 RATIOS = {"eta_trans": "line to shaft", "eta_gen": "shaft to DC link", "eta_pto": "line to DC link"}

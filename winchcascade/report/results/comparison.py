@@ -1,13 +1,15 @@
-"""What a comparison states: differences of both sides with intervals, their parts, and what
-limits them.
+"""What a comparison states: differences of both sides with intervals, their parts, what limits
+them, and their figure.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
+from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from msgspec.structs import replace
 
@@ -24,11 +26,21 @@ from winchcascade.comparison.gate import Drop, Gate
 from winchcascade.core.plain_text import first_of
 from winchcascade.report import content
 from winchcascade.report.content import Column, Measured, Note, Span, Tile, section, shown
-from winchcascade.report.figures.comparison_figures import MAX_DRAWN, difference_figure
-from winchcascade.report.figures.style import house_style
-from winchcascade.report.glossary import metric, short, upper
+from winchcascade.report.figures.style import (
+    COLOURS,
+    cut_apart,
+    evenly,
+    label_panel,
+    look_of,
+    panel_figure,
+)
+from winchcascade.report.glossary import metric, short, tex, typeset, upper
 from winchcascade.report.results.common import data_note, provenance
 from winchcascade.report.wording import banner, load_words
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 NAMED_RUNS = 6
 """Runs that a sentence names."""
@@ -56,7 +68,6 @@ class Row(NamedTuple):
         return Span(*self.of.interval, u)
 
 
-@house_style()
 def comparison_report(
     found: Comparison, gate: Gate | None = None, *, command: str = ""
 ) -> content.Report:
@@ -78,19 +89,19 @@ def comparison_report(
         sections=[
             section(
                 "efficiencies", "Efficiencies",
-                content.picture(
-                    difference_figure(found, drawn) if drawn else None, "differences",
+                content.Picture(
+                    "differences",
                     f"B - A with 95 % intervals, {MAX_DRAWN} runs at most; full markers: the "
                     f"interval excludes zero.",
                     "Points with intervals about zero, one panel for each efficiency; the values "
                     "are in the table.",
-                ),
+                    partial(difference_figure, found, drawn),
+                ) if drawn else None,
                 differences_table("efficiencies", etas),
             ),
             section(
-                "energies", "Energies and powers",
+                "energies", "Energies",
                 differences_table("energies", rows_of(found, "energy", whole=False)),
-                differences_table("powers", rows_of(found, "power"), brief=False),
                 differences_table("whole-cycles", rows_of(found, "energy", whole=True), brief=False),
                 folded=bool(etas),
             ),
@@ -128,10 +139,10 @@ DIFFERENCE: tuple[Column[Row], ...] = (
     Column("metric", lambda row: short(row.of.metric)),
     Column("run", lambda row: row.runs.label),
     Column("unit", lambda row: metric(row.of.metric).unit),
-    Column("A", lambda row: Measured(row.of.a, row.u), own_digits=True),
-    Column("B", lambda row: Measured(row.of.b, row.u), own_digits=True),
-    Column("B - A", lambda row: Measured(row.of.value, row.u), signed=True, own_digits=True),
-    Column("95 % interval", lambda row: row.interval, own_digits=True),
+    Column("A", lambda row: Measured(row.of.a, row.u)),
+    Column("B", lambda row: Measured(row.of.b, row.u)),
+    Column("B - A", lambda row: Measured(row.of.value, row.u), signed=True),
+    Column("95 % interval", lambda row: row.interval),
     Column(
         "B/A - 1",
         lambda row: row.of.relative and 100.0 * row.of.relative,
@@ -145,13 +156,11 @@ DIFFERENCE: tuple[Column[Row], ...] = (
         "u, cycles",
         lambda row: Measured(row.of.repeatability, row.of.repeatability),
         brief=False,
-        own_digits=True,
     ),
     Column(
         "u, sensors",
         lambda row: Measured(row.of.sensors, row.of.sensors),
         brief=False,
-        own_digits=True,
     ),
     Column("ν", lambda row: row.of.freedom, decimals=1, brief=False),
 )
@@ -289,3 +298,36 @@ def gate_words(gate: Gate) -> str:
         f"; {first_of(gate.without, NAMED_RUNS)} without {gate.metric}" if gate.without else ""
     )
     return f"{outcome} in {len(gate.failed) or 'none'} of {_count(gate.drops, 'run')}{without}."
+
+
+MAX_DRAWN = 16
+"""Runs in a panel at most, of more an even selection; names are turned where there are more than
+half as many.
+"""
+
+
+def difference_figure(found: Comparison, metrics: Sequence[str]) -> Figure:
+    """Draw the differences of some efficiencies from the heaviest load on, each in a panel of its
+    own, as their intervals differ in width; full markers: the interval excludes zero.
+    """
+    figure, axes = panel_figure(0.5 + 1.1 * len(metrics), len(metrics), share="x")
+    runs = evenly([*reversed(found.runs)], MAX_DRAWN)
+    for k, (ax, name) in enumerate(zip(axes, metrics, strict=True)):
+        place = name.rpartition("_")[2]
+        look = look_of({"trans": "mech", "pto": "line"}.get(place, place))
+        ax.axhline(0.0, color=COLOURS["ink"], lw=0.8, zorder=1)
+        for x, one in ((x, one) for x, run in enumerate(runs) if (one := run.of(name)) is not None):
+            low, high = one.interval or (math.nan, math.nan)
+            ax.errorbar(
+                [x], [one.value], yerr=[[one.value - low], [high - one.value]], color=COLOURS[look.colour], marker=look.mark,
+                mfc=COLOURS[look.colour if one.excludes_zero else "paper"], ms=5, mew=1.0, capsize=3, lw=1.1,
+            )  # fmt: skip
+        ax.set_xlim(-0.6, len(runs) - 0.4)
+        ax.grid(axis="x", visible=False)
+        ax.locator_params(axis="y", nbins=5)
+        label_panel(ax, "abcdefghij"[k % 10], f"{tex(name)} of B less that of A", y="B - A (1)")
+    names = [typeset(name) for name in cut_apart([run.label for run in runs], 14)]
+    axes[-1].set_xticks(
+        range(len(runs)), names, rotation=90 if len(runs) > MAX_DRAWN // 2 else 0, parse_math=False
+    )
+    return figure

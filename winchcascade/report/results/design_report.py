@@ -1,32 +1,56 @@
 """What a design states: the best load of each speed, maps with intervals, and what each repair
-is worth.
+is worth; its figures, its JSON, and the schedule of a controller.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from winchcascade.core.version import __version__
-from winchcascade.design.design import LIMITED, Design, OperatingPoint, Repair, Scheduled
-from winchcascade.diagnosis.handover.posterior import Band
-from winchcascade.diagnosis.judge.causes import COVERED
+from winchcascade.design.design import LIMITED, METRIC, Design, OperatingPoint, Repair, Scheduled
 from winchcascade.report.content import (
-    Cell,
     Column,
-    Measured,
     Note,
+    Picture,
     Report,
     Section,
     Span,
-    picture,
     section,
     shown,
     table,
 )
-from winchcascade.report.figures.style import house_style
+from winchcascade.report.diagnosis_names import call_all, called
+from winchcascade.report.figures.style import (
+    COLOURS,
+    Entry,
+    LineStyle,
+    from_zero,
+    label_panel,
+    legend_above,
+    line_entry,
+    load_looks,
+    panel_figure,
+)
 from winchcascade.report.results.common import provenance
-from winchcascade.report.results.judgement import judgement_banner, judgement_note, judgement_record
+from winchcascade.report.results.judgement import (
+    band_cell,
+    band_record,
+    band_span,
+    judgement_banner,
+    judgement_note,
+    judgement_record,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from winchcascade.core.run import Mask, Signal
+
 
 SHOWN = (
     ("p_line_w", "P_line", "W"), ("p_gen_w", "P_gen", "W"), ("eta_pto", "eta_pto", ""),
@@ -53,7 +77,7 @@ def design_record(found: Design) -> dict[str, Any]:
         },
         "rows": [
             {"load_ohm": row.load, "speed_mps": row.speed}
-            | {name: _band(band) for name, band in row.values.items()}
+            | {name: band_record(band) for name, band in row.values.items()}
             | {
                 "within_domain": row.within_domain,
                 "over_limit": bool(row.exceeds),
@@ -86,13 +110,6 @@ def design_record(found: Design) -> dict[str, Any]:
     }
 
 
-def _band(band: Band) -> dict[str, float | None]:
-    return {
-        name: x if math.isfinite(x) else None
-        for name, x in (("value", band.value), ("low", band.low), ("high", band.high))
-    }
-
-
 def _repair(one: Repair) -> dict[str, Any]:
     """A repair, with what it brings in a year where the motions have a number."""
     record = {
@@ -100,9 +117,11 @@ def _repair(one: Repair) -> dict[str, Any]:
         "energy_j_per_cycle": one.per_cycle.value,
         "low": one.per_cycle.low,
     }
-    record |= {"high": one.per_cycle.high, "line_energy_saved_j_per_cycle": _band(one.saved)}
+    record |= {"high": one.per_cycle.high, "line_energy_saved_j_per_cycle": band_record(one.saved)}
     record |= {"within_domain": one.within_domain}
-    return record | ({} if one.per_year is None else {"energy_kwh_per_year": _band(one.per_year)})
+    return record | (
+        {} if one.per_year is None else {"energy_kwh_per_year": band_record(one.per_year)}
+    )
 
 
 def schedule_csv(found: Design, criterion: str = "power") -> str:
@@ -120,11 +139,8 @@ def schedule_csv(found: Design, criterion: str = "power") -> str:
 
 
 # ----------------------------------------------------------------------------------------- report
-@house_style()
 def design_report(found: Design, *, command: str = "") -> Report:
     """Report of a design."""
-    from winchcascade.report.figures.design_figures import map_figure, schedule_figure
-
     tested = found.tested
     outside = sum(not row.within_domain for row in found.rows)
     over = sum(bool(row.exceeds) for row in found.rows)
@@ -145,7 +161,7 @@ def design_report(found: Design, *, command: str = "") -> Report:
             Note("Predicted by the corrected rig without errors of its sensors; no value was "
                  "measured.", "Data", "warn"),
             judgement_note(tested.judgement),
-            Note("; ".join(f"{name} or {' or '.join(others)}" for name, others in alike.items())
+            Note("; ".join(call_all([name, *others], between=" or ") for name, others in alike.items())
                  + ": the logs do not distinguish them, and a repair is worth what is stated only if the first acts.",
                  "Alike", "warn") if alike else None,
             Note("; ".join(best), "Best fixed load"),
@@ -153,16 +169,18 @@ def design_report(found: Design, *, command: str = "") -> Report:
             Note(f"{over} of {len(found.rows)} points exceed {_limits(found)}.", "Limits", "warn") if over else None,
         ],
         sections=[
-            section("schedule", "Schedule", picture(
-                schedule_figure(found), "schedule",
+            section("schedule", "Schedule", Picture(
+                "schedule",
                 "Best load over generator speed.",
                 "Load in ohm over generator speed for most power and for most efficiency; the "
                 "values are in the table.",
+                partial(schedule_figure, found),
             ), _schedule_table(found)),
-            section("map", "Map", picture(
-                map_figure(found), "map",
+            section("map", "Map", Picture(
+                "map",
                 "Power at the DC link and eta_pto over line speed at each load, with 95 % bands.",
                 "Lines over speed for each load; the values are in the table.",
+                partial(map_figure, found),
             ), _map_table(found)),
             _repairs_section(found),
             provenance(
@@ -183,27 +201,24 @@ def _limits(found: Design) -> str:
     )
 
 
-def _cell(band: Band) -> Cell:
-    return Measured(band.value, (band.high - band.value) / COVERED, both=True)
-
-
-def _interval(band: Band) -> Span:
-    return Span(band.low, band.high, (band.high - band.value) / COVERED)
-
-
 def _schedule_table(found: Design) -> Any:
     """The bands of both criteria."""
     columns: list[Column[Scheduled]] = [
         Column("for most", lambda one: one.criterion),
         Column("speed", lambda one: Span(one.rpm_low, one.rpm_high), "rpm", 0),
-        Column("load", lambda one: one.load, "ohm", own_digits=True),
+        Column("load", lambda one: one.load, "ohm"),
         Column(
             "gain over fixed",
             lambda one: None if one.gain is None else 100.0 * one.gain.value,
             "%",
             2,
         ),
-        Column("95 % interval", lambda one: _percent(one.gain), "%", 2),
+        Column(
+            "95 % interval",
+            lambda one: None if one.gain is None else band_span(one.gain, 100.0),
+            "%",
+            2,
+        ),
         Column(
             "domain", lambda one: one.reason or ("covered" if one.within_domain else "not covered")
         ),
@@ -211,17 +226,13 @@ def _schedule_table(found: Design) -> Any:
     return table("schedule", "Best load of each band of generator speed.", columns, found.schedule)
 
 
-def _percent(gain: Band | None) -> Cell:
-    return None if gain is None else Span(100.0 * gain.low, 100.0 * gain.high)
-
-
 def _map_table(found: Design) -> Any:
     """Every operating point."""
     columns: list[Column[OperatingPoint]] = [
-        Column("load", lambda row: row.load, "ohm", own_digits=True),
+        Column("load", lambda row: row.load, "ohm"),
         Column("speed", lambda row: row.speed, "m/s", 3),
         *(
-            Column(head, lambda row, name=name: _cell(row.values[name]), unit, own_digits=True)  # type: ignore[misc]
+            Column(head, lambda row, name=name: band_cell(row.values[name]), unit)  # type: ignore[misc]
             for name, head, unit in SHOWN
         ),
         Column("outside", lambda row: "" if row.within_domain else "logs"),
@@ -235,12 +246,12 @@ def _repairs_section(found: Design) -> Section:
     """What each repair is worth."""
     yearly = any(one.per_year is not None for one in found.repairs)
     columns: list[Column[Repair]] = [
-        Column("without", lambda one: one.effect),
-        Column("delivered", lambda one: _cell(one.per_cycle), "J a cycle"),
-        Column("95 % interval", lambda one: _interval(one.per_cycle), "J a cycle"),
-        *([Column("a year", lambda one: None if one.per_year is None else _cell(one.per_year), "kWh")]
+        Column("without", lambda one: called(one.effect)),
+        Column("delivered", lambda one: band_cell(one.per_cycle), "J a cycle"),
+        Column("95 % interval", lambda one: band_span(one.per_cycle), "J a cycle"),
+        *([Column("a year", lambda one: None if one.per_year is None else band_cell(one.per_year), "kWh")]
           if yearly else []),
-        Column("saved of the line", lambda one: _cell(one.saved), "J a cycle"),
+        Column("saved of the line", lambda one: band_cell(one.saved), "J a cycle"),
         Column("domain", lambda one: "covered" if one.within_domain else "not covered"),
     ]  # fmt: skip
     caption = (
@@ -251,3 +262,78 @@ def _repairs_section(found: Design) -> Section:
     return section(
         "repairs", "Worth of a repair", table("repairs", caption, columns, found.repairs)
     )
+
+
+LOOKS = {"power": ("gen", "o"), "efficiency": ("mech", "s")}
+"""Colour and marker of each criterion."""
+
+
+OUTSIDE: LineStyle = {"ls": "--", "marker": "o", "ms": 4, "mfc": COLOURS["paper"]}
+"""Look of points that the logs do not cover, in a legend."""
+
+
+def _outside_entry() -> Entry:
+    return line_entry("outside what the logs cover", "soft", **OUTSIDE)
+
+
+def schedule_figure(found: Design) -> Figure | None:
+    """Best load over generator speed by criterion; None without any."""
+    known = [one for one in found.schedule if one.load is not None]
+    if not known:
+        return None
+    figure, (axes,) = panel_figure(2.4)
+    for criterion in METRIC:
+        colour, mark = LOOKS[criterion]
+        own = [one for one in known if one.criterion == criterion]
+        middle = np.array([0.5 * (one.rpm_low + one.rpm_high) for one in own])
+        load = np.array([one.load for one in own], dtype=np.float64)
+        inside = np.array([one.within_domain for one in own], dtype=bool)
+        _points(axes, middle, load, inside, colour, mark)
+    axes.set(xlabel="Generator speed (rpm)", ylabel="Load (Ω)")
+    from_zero(axes)
+    most = [
+        line_entry(f"most {name}", colour, marker=mark, ms=4)
+        for name, (colour, mark) in LOOKS.items()
+    ]
+    legend_above(figure, [*most, _outside_entry()])
+    return figure
+
+
+def _points(axes: Axes, x: Signal, y: Signal, inside: Mask, colour: str, mark: str) -> None:
+    """A curve with its points: dashed and hollow outside what the logs cover."""
+    covered = inside[1:] & inside[:-1]
+    for dashes, along in (("-", covered), ("--", ~covered)):
+        for k in np.flatnonzero(along):
+            axes.plot(x[k : k + 2], y[k : k + 2], dashes, color=COLOURS[colour], lw=1.0)
+    axes.plot(x[inside], y[inside], mark, color=COLOURS[colour], ms=4)
+    axes.plot(x[~inside], y[~inside], mark, mec=COLOURS[colour], mfc=COLOURS["paper"], ms=4)
+
+
+def map_figure(found: Design) -> Figure:
+    """Power and efficiency over line speed at each load, with bands."""
+    figure, panels = panel_figure(3.4, columns=2)
+    loads = sorted({row.load for row in found.rows})
+    looks, entries = load_looks([*found.tested.loads, *loads]), []
+    for load in loads:
+        colour, mark = looks[load]
+        own = [row for row in found.rows if row.load == load]
+        speed = np.array([row.speed for row in own])
+        inside = np.array([row.within_domain for row in own], dtype=bool)
+        over = np.array([bool(row.exceeds) for row in own], dtype=bool)
+        for axes, name in zip(panels, ("p_gen_w", "eta_pto"), strict=True):
+            value, low, high = (
+                np.array([getattr(row.values[name], end) for row in own])
+                for end in ("value", "low", "high")
+            )
+            axes.fill_between(speed, low, high, color=COLOURS[colour], alpha=0.2, lw=0)
+            _points(axes, speed, value, inside, colour, mark)
+            axes.plot(speed[over], value[over], "x", color=COLOURS["ink"], ms=7, mew=1.2)
+        entries.append(line_entry(f"{load:g} Ω", colour, marker=mark, ms=4))
+    label_panel(panels[0], "a", "Power at the DC link", x="Line speed (m/s)", unit="W")
+    label_panel(panels[1], "b", r"Efficiency $\eta_{pto}$", x="Line speed (m/s)")
+    if not all(row.within_domain for row in found.rows):
+        entries.append(_outside_entry())
+    if any(row.exceeds for row in found.rows):
+        entries.append(line_entry("over a limit", ls="none", marker="x", ms=7, mew=1.2))
+    legend_above(figure, entries)
+    return figure

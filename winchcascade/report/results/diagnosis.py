@@ -5,7 +5,8 @@ the evidence behind them.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache, partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
@@ -19,10 +20,9 @@ from winchcascade.diagnosis.diagnosis_result import (
 from winchcascade.diagnosis.explain.contributions import EFFICIENCIES, leading_metric
 from winchcascade.diagnosis.explain.figure_data import (
     block_table,
-    cost_of,
     largest_gap,
     load_costs,
-    mean_costs,
+    worst_costs,
 )
 from winchcascade.diagnosis.explain.gap_map import STANDS_OUT
 from winchcascade.diagnosis.explain.thresholds import Threshold
@@ -38,7 +38,7 @@ from winchcascade.report.content import (
     Section,
     Table,
     Tile,
-    picture,
+    number_text,
     section,
     table,
 )
@@ -47,6 +47,8 @@ from winchcascade.report.diagnosis_names import (
     alarm_place,
     at_words,
     baseline_words,
+    call_all,
+    called,
     display_of,
     files_of,
     nuisance_words,
@@ -57,9 +59,8 @@ from winchcascade.report.diagnosis_names import (
     word_of,
 )
 from winchcascade.report.figures import diagnosis_figures as figures
-from winchcascade.report.figures.cause_figures import waterfall_figure
+from winchcascade.report.figures.cause_figures import part_name, waterfall_figure
 from winchcascade.report.figures.histories import history_figure, history_json
-from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import CHANNELS, upper
 from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.diagnosis_parts import (
@@ -75,6 +76,7 @@ from winchcascade.report.results.diagnosis_parts import (
     step_tile,
     verdict_tile,
 )
+from winchcascade.report.results.laws_beside_model import stage_laws_section
 from winchcascade.report.results.stage_diagnosis import stage_report
 from winchcascade.report.results.validation_report import validation_section
 from winchcascade.report.wording import banner, load_words
@@ -92,9 +94,8 @@ def diagnosis_report(found: DiagnosisResult, *, command: str = "") -> Report:
     return _model_report(found, command=command)
 
 
-@house_style()
 def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
-    blocks, word = block_table(found), word_of(found)
+    blocks, word = cache(partial(block_table, found)), word_of(found)
     leading = leading_metric(found.contributions)
     return Report(
         kind="Diagnosis of a campaign",
@@ -102,15 +103,17 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
         subtitle=f"{len(found.runs)} logs · rig {found.rig.name} · {len(found.suspects)} effects "
                  f"tried",
         tiles=_tiles(found),
-        lead=picture(
-            waterfall_figure(found, word), "waterfall",
+        lead=None if leading is None else Picture(
+            "waterfall",
             f"{leading} from {baseline_words(found)} to {word}, part by part; black: 95 %.",
             "Bars from one level to the next; the values are in the table of what each cause "
             "costs.",
+            partial(waterfall_figure, found, word),
         ),
         points=_points(found),
         sections=[
             section("causes", "Causes", causes_table(found), candidates_table(found)),
+            stage_laws_section(found),
             _own_simulation(found),
             section("next", "Next run", note_of(words.experiment_words(found))),
             section(
@@ -121,10 +124,11 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
             _other_costs(found),
             _where(found, word),
             _how_far(found, blocks, word),
-            section("time-histories", "Time histories", _cycle(found, blocks, word), folded=True),
+            Section(
+                "time-histories", "Time histories", lambda: [_cycle(found, blocks(), word)], folded=True
+            ),
             validation_section(found),
             numbers(found),
-            _speed(found, blocks, word),
             _considered(found),
             _provenance(found, command),
         ],
@@ -137,15 +141,7 @@ def _tiles(found: ModelDiagnosis) -> list[Tile]:
     """Verdict, largest cost and next step; without causes the first sign, or the place that
     deviates most.
     """
-    shown, costs = [verdict_tile(found)], mean_costs(found)
-    for cause in found.causes[:1]:
-        change = cost_of(costs, cause)
-        if costs is not None and change is not None:
-            name = "Largest cost" if change < 0.0 else "Largest change"
-            place = f"of {costs.metric}, mean over the loads"
-            shown.append(
-                Tile(name, place, found.suspects[cause.effect].label, f"{change:+.1f} points")
-            )
+    shown = [verdict_tile(found), *_cost_tile(found)]
     alarms = () if found.remainder is None else found.remainder.alarms
     worst = max(
         (one for one in found.places if math.isfinite(one.z)),
@@ -177,10 +173,26 @@ def _tiles(found: ModelDiagnosis) -> list[Tile]:
     return [*shown, *step_tile(found)]
 
 
+def _cost_tile(found: ModelDiagnosis) -> list[Tile]:
+    """The named cause that changes the efficiency of the figure beside it most, with the number
+    that stands there.
+    """
+    costs, named = worst_costs(found), {cause.effect for cause in found.causes}
+    parts = [] if costs is None else [part for part in costs.parts if part.effect in named]
+    if costs is None or not parts:
+        return []
+    largest = max(parts, key=lambda part: abs(part.value))
+    is_cost = largest.kind == "physical" and largest.value < 0.0
+    place = f"of {costs.metric}, {load_words(costs.load, 'ohm')}"
+    change = f"{number_text(largest.value, 1, signed=True)} points"
+    name = "Largest cost" if is_cost else "Largest change"
+    return [Tile(name, place, part_name(found, largest), change)]
+
+
 def _points(found: ModelDiagnosis) -> list[Note | None]:
     """What a reader must know first."""
     listed = {one.effect for one in found.candidates}
-    hidden = ", ".join(name for name in found.unnamed if name not in listed)
+    hidden = call_all([name for name in found.unnamed if name not in listed], found.suspects)
     return [
         *first_points(found),
         Note(
@@ -216,11 +228,11 @@ def _own_simulation(found: ModelDiagnosis) -> Section:
             "model-form", "Your simulation minus the model of the rig file, where they differ "
                           "most.",
             [
-                Column("likely", lambda form: form.likely or "unknown"),
+                Column("likely", lambda form: called(form.likely or "unknown", found.suspects)),
                 Column("stage", lambda form: form.stage),
                 Column("place", lambda form: f"{NAMES[form.channel]}, "
                                              f"{phase_words(form.phase)}{at_words(form.load)}"),
-                Column("difference", lambda form: bias_cell(form, CHANNELS[form.channel].factor, signed=True), own_digits=True),
+                Column("difference", lambda form: bias_cell(form, CHANNELS[form.channel].factor, signed=True)),
                 Column("unit", lambda form: CHANNELS[form.channel].unit),
                 Column("it contains", contained),
                 Column("also", lambda form: "a cause" if form.likely in causes else ""),
@@ -265,7 +277,7 @@ def _cost_table(found: ModelDiagnosis, metric: str | None, *, brief: bool) -> Ta
         CostRow(baseline_words(found), "%", [one.as_given for one in costs]),
         *(
             CostRow(
-                part.effect or part.kind.replace("_", " "),
+                part_name(found, part),
                 "points",
                 [one.parts[k].value for one in costs],
             )
@@ -287,19 +299,21 @@ def _where(found: ModelDiagnosis, word: str) -> Section:
     minus = f"{upper(word)} minus {baseline_words(found)}"
     return section(
         "where", "Where the gap lies",
-        picture(
-            figures.gap_map(found), "map",
+        Picture(
+            "map",
             f"{minus}, as a mean over each phase of each log, in standard uncertainties; coloured "
             f"beyond {STANDS_OUT:g}.",
             "Matrix of numbers by channel and phase (rows) and load (columns); the largest are in "
             "the table.",
+            partial(figures.gap_map, found),
         ),
         _places(found.places),
-        picture(
-            figures.stage_map(found), "stage-map",
+        Picture(
+            "stage-map",
             f"Stage by stage: {word} minus what each stage makes of its own inputs from the log, "
             f"in standard uncertainties.",
             "Matrix of numbers by stage and phase (rows) and load (columns).",
+            partial(figures.stage_map, found),
         ),
         folded=True,
     )  # fmt: skip
@@ -321,7 +335,7 @@ def _places(places: Sequence[Place]) -> Table[Place] | None:
             Column("channel", lambda place: NAMES[place.channel]),
             Column("phase", lambda place: phase_words(place.phase)),
             Column("load", lambda place: load_words(place.load, "ohm")),
-            Column("bias", lambda place: bias_cell(place, CHANNELS[place.channel].factor), own_digits=True),
+            Column("bias", lambda place: bias_cell(place, CHANNELS[place.channel].factor)),
             Column("unit", lambda place: CHANNELS[place.channel].unit),
             Column("z", lambda place: place.z, "", 1, signed=True),
         ],
@@ -339,10 +353,10 @@ def _misfit(of: str) -> Column[tuple[str, Shrunk]]:
         size = getattr(row[1], of) * CHANNELS[row[0]].factor
         return Measured(size, size)
 
-    return Column(of, cell, own_digits=True)
+    return Column(of, cell)
 
 
-def _how_far(found: ModelDiagnosis, blocks: pd.DataFrame, word: str) -> Section:
+def _how_far(found: ModelDiagnosis, blocks: Callable[[], pd.DataFrame], word: str) -> Section:
     shrunk = () if found.closure is None else found.closure.channels.items()
     return section(
         "how-far", "How far the gap closes",
@@ -358,10 +372,11 @@ def _how_far(found: ModelDiagnosis, blocks: pd.DataFrame, word: str) -> Section:
             shrunk,
             brief=False,
         ),
-        picture(
-            figures.error_figure(found, blocks, word), "errors",
+        Picture(
+            "errors",
             "Errors in the payouts of all logs; a mark is a block (the paper's Fig. 18b).",
             "Clouds of marks before and after about zero.",
+            lambda: figures.error_figure(found, blocks(), word),
         ),
         folded=True,
     )  # fmt: skip
@@ -373,31 +388,19 @@ def _cycle(found: ModelDiagnosis, blocks: pd.DataFrame, word: str) -> Picture | 
     if item is None:
         return None
     run, history = found.data.logs[item.log].run, figures.cycle_history(found, item, word)
-    return picture(
-        history_figure(history), "histories",
-        f"Cycle {item.cycle} of {run.name} ({load_words(run.load, 'ohm')}), which has the largest "
-        f"gap, over the time since its "
-        f"onset; the zeros of the sensors are taken off the {word}. Shaded: payout.",
+    return Picture(
+        "histories",
+        f"Cycle {item.cycle} of {run.name} ({load_words(run.load, 'ohm')}), which deviates most at "
+        f"the first place of the table of places, over the time since its onset; the zeros of the "
+        f"sensors are taken off the {word}. Shaded: payout.",
         "Line plots of every channel over time; the values are in the log.",
-        history_json(history),
-    )  # fmt: skip
-
-
-def _speed(found: ModelDiagnosis, blocks: pd.DataFrame, word: str) -> Section:
-    return section(
-        "speed", "Current, torque and power over speed",
-        picture(
-            figures.over_speed_figure(found, blocks, word), "speed",
-            "Payouts at a light, a middle and a heavy load (the paper's Figs 18a, 18c, 18d); "
-            "means in bins of 250 rpm.",
-            "Lines of the logs and marks of the simulations over generator speed.",
-        ),
-        folded=True,
+        partial(history_figure, history),
+        partial(history_json, history),
     )  # fmt: skip
 
 
 RANGE_COLUMNS: list[Column[tuple[str, Parameter]]] = [
-    Column("effect", lambda row: row[0]),
+    Column("effect", lambda row: called(row[0])),
     Column("field", lambda row: row[1].name),
     Column("plausible", lambda row: f"{row[1].low:.3g} to {row[1].high:.3g}"),
     Column("unit", lambda row: row[1].unit),
@@ -424,7 +427,7 @@ def _considered(found: ModelDiagnosis) -> Section:
             "Best single effects: evidence relative to the best set, and share of the gap closed "
             "on held-out logs.",
             [
-                Column[SingleEffect]("effect", lambda one: one.effect),
+                Column[SingleEffect]("effect", lambda one: called(one.effect, found.suspects)),
                 Column("evidence", lambda one: one.evidence, "nats", 1, signed=True),
                 Column("closes alone", lambda one: share_words(one.closure) if math.isfinite(one.closure) else ""),
             ],
@@ -444,10 +447,10 @@ def _considered(found: ModelDiagnosis) -> Section:
             "From which size each effect alone would have been named in nine of ten such "
             "campaigns; -: no plausible size.",
             [
-                Column[Threshold]("effect", lambda one: one.effect),
+                Column[Threshold]("effect", lambda one: called(one.effect, found.suspects)),
                 Column("stage", lambda one: found.suspects[one.effect].stage),
                 Column("what it is", lambda one: found.suspects[one.effect].summary),
-                Column("named from", lambda one: _named_from(one, _display(found, one)), own_digits=True),
+                Column("named from", lambda one: _named_from(one, _display(found, one))),
                 Column("unit", lambda one: _display(found, one).unit),
             ],
             found.thresholds,

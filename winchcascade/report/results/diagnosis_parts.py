@@ -5,7 +5,8 @@ causes, residual, numbers.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 from winchcascade.core.store import fingerprint
@@ -24,12 +25,12 @@ from winchcascade.report.content import (
     Column,
     Measured,
     Note,
+    Picture,
     Section,
     Span,
     Table,
     Tile,
     number_text,
-    picture,
     section,
     table,
 )
@@ -38,6 +39,8 @@ from winchcascade.report.diagnosis_names import (
     NAMES,
     UNDETERMINED,
     alarm_place,
+    call_all,
+    called,
     display_of,
     files_of,
     origins_of,
@@ -51,7 +54,7 @@ from winchcascade.report.figures.cause_figures import profile_figure, stability_
 from winchcascade.report.glossary import upper
 from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.common import data_note, provenance
-from winchcascade.rig.effects.effect import Display
+from winchcascade.rig.effects.effect import Display, Effect
 
 
 def note_of(text: str, about: str = "") -> Note | None:
@@ -88,10 +91,10 @@ def candidates_table(found: DiagnosisResult) -> Table[CauseRow] | None:
         "candidates", "Candidates: the fit uses them, but each may imitate something that the "
                       "catalogue lacks.",
         [
-            Column("effect", lambda row: row.cause.effect if row.first else ""),
+            Column("effect", partial(_effect, found)),
             *number_columns(),
             Column("without", _closed_without),
-            Column("look-alikes", _alike),
+            Column("look-alikes", partial(_alike, found)),
         ],
         _rows(found, found.candidates),
         note="Candidates are neither entered nor priced. Without: share of the gap that is closed "
@@ -105,8 +108,13 @@ def _closed_without(row: CauseRow) -> str:
     )
 
 
-def _alike(row: CauseRow) -> str:
-    return ", ".join(one.effect for one in row.cause.look_alikes) if row.first else ""
+def _effect(found: DiagnosisResult, row: CauseRow) -> str:
+    return called(row.cause.effect, found.suspects) if row.first else ""
+
+
+def _alike(found: DiagnosisResult, row: CauseRow) -> str:
+    alike = [one.effect for one in row.cause.look_alikes] if row.first else []
+    return call_all(alike, found.suspects)
 
 
 def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
@@ -123,14 +131,14 @@ def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
         "causes", "Effects that are needed; 95 % intervals include the uncertainty of the rig "
                   "file.",
         [
-            Column("effect", lambda row: row.cause.effect if row.first else ""),
+            Column("effect", partial(_effect, found)),
             Column("what changes", lambda row: row.how.what, brief=False),
             *number_columns(),
             Column("range", lambda row: range_words(row.value)),
             Column("prob.", lambda row: probability_words(row.cause.probability) if row.first else ""),
             Column("cost", lambda row: cost_of(costs, row.cause) if row.first else None, "points", 1, signed=True),
             Column("without", _closed_without),
-            Column("look-alikes", _alike),
+            Column("look-alikes", partial(_alike, found)),
             Column("what to do", lambda row: str(words.action_of(found, row.cause)) if row.first else ""),
         ],
         _rows(found, found.causes),
@@ -180,9 +188,9 @@ def number_columns() -> list[Column[Any]]:
         return Span(row.value.low * row.how.factor, row.value.high * row.how.factor, u(row))
 
     return [
-        Column("found", number, own_digits=True),
+        Column("found", number),
         Column("unit", lambda row: row.how.unit),
-        Column("95 %", interval, own_digits=True),
+        Column("95 %", interval),
     ]
 
 
@@ -201,10 +209,17 @@ def step_tile(found: DiagnosisResult) -> list[Tile]:
     for cause in found.causes[:1]:
         action, alike = (
             words.action_of(found, cause),
-            ", ".join(one.effect for one in cause.look_alikes),
+            call_all([one.effect for one in cause.look_alikes], found.suspects),
         )
         beside = f"look-alike: {alike}" if alike else action.stated
-        return [Tile("Next step", cause.effect, upper(action.what.replace("`", "")), beside)]
+        return [
+            Tile(
+                "Next step",
+                called(cause.effect, found.suspects),
+                upper(action.what.replace("`", "")),
+                beside,
+            )
+        ]
     return []
 
 
@@ -237,8 +252,8 @@ def residual(found: DiagnosisResult) -> Section:
             [
                 Column[Alarm]("where", lambda alarm: alarm_place(alarm, files)),
                 Column("kind", lambda alarm: alarm.kind),
-                Column("size", lambda alarm: number(alarm.size, 0.1 * alarm.size if alarm.limit else 0.0), own_digits=True),
-                Column("limit", lambda alarm: number(alarm.limit, alarm.limit), own_digits=True),
+                Column("size", lambda alarm: number(alarm.size, 0.1 * alarm.size if alarm.limit else 0.0)),
+                Column("limit", lambda alarm: number(alarm.limit, alarm.limit)),
             ],
             alarms,
         ),
@@ -252,15 +267,17 @@ def numbers(found: DiagnosisResult) -> Section:
     return section(
         "numbers", "Numbers of the causes",
         Note(words.stability_words(found), brief=False) if found.causes else None,
-        picture(
-            profile_figure(model) if model else None, "rolloff",
+        None if model is None else Picture(
+            "rolloff",
             "Back-EMF constant over the stator current (the paper's Fig. 18e).",
             "A falling curve with a band; its value at 10 A is in the table of causes.",
+            partial(profile_figure, model),
         ),
-        picture(
-            stability_figure(found), "stability",
+        Picture(
+            "stability",
             f"Number of each cause in every {item}, 95 %; band: the joint number.",
             f"Points with error bars for every {item}, and a band; the values are in the JSON.",
+            partial(stability_figure, found),
         ),
         folded=True,
     )  # fmt: skip
@@ -284,15 +301,15 @@ def minor_table(found: DiagnosisResult) -> Table[EffectNumber] | None:
         )
         rows.append(EffectNumber(one.effect, display_of(one.effect, name, value.unit), value, role))
     caption = "Effects that are significant but too small to matter, and undecided ones: too little evidence for a cause."
-    return effects_table("minor", caption, rows)
+    return effects_table("minor", caption, rows, found.suspects)
 
 
 def effects_table(
-    name: str, caption: str, rows: Sequence[EffectNumber]
+    name: str, caption: str, rows: Sequence[EffectNumber], suspects: Mapping[str, Effect]
 ) -> Table[EffectNumber] | None:
     """Numbers of some effects beside those of the causes."""
     columns: list[Column[EffectNumber]] = [
-        Column("effect", lambda row: row.effect),
+        Column("effect", lambda row: called(row.effect, suspects)),
         *number_columns(),
         Column("what it is", lambda row: row.role),
     ]

@@ -25,6 +25,7 @@ from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report.diagnosis_names import about_words, files_of, items_of, origins_of
 from winchcascade.report.results import diagnosis_sentences as sentences
+from winchcascade.report.results.laws_beside_model import stage_laws_record
 from winchcascade.rig.parts import path_in_rig
 
 SCHEMA = "winchcascade/diagnosis/1"
@@ -134,7 +135,7 @@ def as_json(found: DiagnosisResult) -> dict[str, Any]:
         "next_experiment": _experiment(found),
     }
     if isinstance(found, ModelDiagnosis):
-        record |= _model_record(found)
+        record |= _model_record(found) | stage_laws_record(found)
     elif isinstance(found, StageDiagnosis):
         record |= _line_record(found)
     digits = {"contributions": SUMMED, "remainder": ALL, "posterior": ALL}
@@ -189,7 +190,7 @@ def _where(found: DiagnosisResult) -> dict[str, Any] | None:
     spans = (where.rpm, where.i_dc) if isinstance(found, ModelDiagnosis) else (None, None)
     record = {"stage": where.stage, **_some(where.worst, "channel", "phase", "load")}
     record |= dict(zip(("rpm", "i_dc_a"), spans, strict=True))
-    record |= {"sentence": sentences.place_sentence(found), "map": map_record(found)}
+    record["map"] = map_record(found)
     if isinstance(found, ModelDiagnosis):
         record["stages"] = [
             {**_some(one, "stage", "inputs", *_PLACE), "file": found.runs[one.log].name}
@@ -211,20 +212,11 @@ def map_record(found: DiagnosisResult) -> list[dict[str, Any]]:
 
 
 def _cause(cause: NamedCause, found: DiagnosisResult) -> dict[str, Any]:
-    """A cause; of a wrong entry with the sentence on what is stated and what fits, of a wrong
-    load with its run and load.
-    """
+    """A cause; of a wrong load with its run and load."""
     effect = found.suspects[cause.effect]
     record: dict[str, Any] = {"effect": effect.name}
-    if effect.entry is not None:
-        record |= (
-            {"run": effect.entry.source, "load": effect.entry.value}
-            if effect.entry.log >= 0
-            else {}
-        )
-        record["sentence"] = sentences.entry_sentence(
-            cause, effect, explained=found.verdict == "explained"
-        )
+    if effect.entry is not None and effect.entry.log >= 0:
+        record |= {"run": effect.entry.source, "load": effect.entry.value}
     record |= {"label": effect.label, **_some(cause, "stage", "probability", "parameters")}
     record |= {
         name: [_alternative(found, one) for one in getattr(cause, name)]
@@ -240,13 +232,7 @@ def _cause(cause: NamedCause, found: DiagnosisResult) -> dict[str, Any]:
             | ({} if math.isfinite(one.value) else {"reason": _SILENT[one.withheld]})
             for one in cause.stability.runs
         ]
-        record["trends"] = [
-            {
-                **msgspec.structs.asdict(trend),
-                "sentence": sentences.trend_sentence(found, cause, trend),
-            }
-            for trend in cause.stability.trends
-        ]
+        record["trends"] = cause.stability.trends
     return record | (
         {"closes_alone_of_the_gap": cause.weight} if isinstance(found, StageDiagnosis) else {}
     )

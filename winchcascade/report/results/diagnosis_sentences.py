@@ -1,6 +1,4 @@
-"""Sentences of a diagnosis that its JSON has: where the gap lies, wrong entries, trends, planned
-runs; as plain texts.
-"""
+"""Sentences on parts of a diagnosis: where the gap lies, trends, planned runs; as plain texts."""
 
 from __future__ import annotations
 
@@ -25,6 +23,7 @@ from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.report.diagnosis_names import (
     NAMES,
     at_words,
+    called,
     channel_words,
     has_own_simulation,
     items_of,
@@ -57,7 +56,7 @@ def place_sentence(found: DiagnosisResult) -> str:
     """Where the gap lies: in which direction, at what currents and speeds, by how much, and in
     which stage it arises.
 
-    As the JSON has it; empty without a gap. Only where the causes explain the gap, a wrong entry is
+    Empty without a gap. Only where the causes explain the gap, a wrong entry is
     called its origin.
     """
     where = found.where
@@ -146,55 +145,14 @@ def stated_text(effect: Effect) -> str:
     return f"{stated.value / scale.factor:#.3g}{unit}" if effect.number else ""
 
 
-def entry_sentence(cause: NamedCause, effect: Effect, *, explained: bool = True) -> str:
-    """What is stated and what the logs fit, in the unit of the rig file; loads in ohm. As the JSON
-    has it.
-
-    Unless the gap is `explained`, the entry is not claimed to be wrong.
-
-    >>> from msgspec.structs import replace
-    >>> from winchcascade.diagnosis.diagnosis_result import NamedCause, Reported
-    >>> from winchcascade.rig.effects.catalogue import EFFECTS
-    >>> radius = NamedCause("drum_radius", "entry", 0.99, {"r_drum": Reported(0.1378, 0.137, 0.138, "m")}, (), 1.0)
-    >>> entry_sentence(radius, replace(EFFECTS["drum_radius"], entry=Stated(0.13, "m")))
-    'The rig file states r_drum = 0.130 m; the logs fit 0.138 m. Check this entry before other causes.'
-    """
-    value, text, stated = (
-        next(iter(cause.parameters.values())).value,
-        stated_text(effect),
-        effect.entry or Stated(),
-    )
-    advice = "Check this entry before other causes."
-    if stated.log >= 0:
-        said = f"The campaign states {text} for {stated.source}; the log fits {value:#.3g} ohm."
-    elif not effect.number:
-        said = (
-            f"The logged line motion is {value:#.4g} times the motion that the other channels fit."
-        )
-        advice = "Check the scale of the logged velocity and displacement before other causes."
-    else:
-        as_ratio = effect.fields[0].usual_share == 1.0
-        ratio = value if as_ratio else value / stated.value
-        scale = find_unit(stated.unit) or Unit("number", 1.0)
-        unit = "" if stated.unit in ("", "1") else f" {stated.unit}"
-        times = f", {ratio:#.3g} times as much" if as_ratio else ""
-        fits = f"{stated.value / scale.factor * ratio:#.3g}{unit}{times}"
-        said = (
-            f"The rig file states {effect.number.rpartition('.')[2]} = {text}; the logs fit {fits}."
-        )
-    if not explained:
-        advice = "The residual exceeds noise: the entry may only imitate an effect that the catalogue lacks."
-    return f"{said} {advice}"
-
-
 _ALONG = {"order": "The order of the runs", "load": "Their loads"}
 """What a number may change along, as a sentence calls it."""
 
 
 def trend_sentence(found: DiagnosisResult, cause: NamedCause, trend: Trend) -> str:
-    """What differs between the numbers of a cause from single runs, as the JSON has it."""
+    """What differs between the numbers of a cause from single runs."""
     how, item = shown_as(found, cause), "cycle" if isinstance(found, StageDiagnosis) else "run"
-    name = f"{found.suspects[cause.effect].label} ({cause.effect}): {how.what}"
+    name = f"{called(cause.effect, found.suspects)}: {how.what}"
     if trend.along == "scatter":
         change = float(f"{trend.change * how.factor:.2g}")
         size = f"{change:g} {how.unit}".rstrip()
@@ -217,7 +175,7 @@ def trend_sentence(found: DiagnosisResult, cause: NamedCause, trend: Trend) -> s
 
 
 def differs_text(spot: Spot | None) -> str:
-    """Where a cause and its alternative differ most, as the JSON has it.
+    """Where a cause and its alternative differ most.
 
     >>> differs_text(Spot("idc", "payout", 4.5, z=458.52)), differs_text(Spot("power_mech", "hold", bias=12.3))
     ('idc during payout at 4.5 ohm, where they differ by 458.5 sigma', 'power_mech during hold, by 12 W rms')

@@ -27,6 +27,8 @@ from winchcascade.diagnosis.verdict_limits import MIN_RUNS
 from winchcascade.report.content import Note
 from winchcascade.report.diagnosis_names import (
     about_words,
+    call_all,
+    called,
     files_of,
     has_own_simulation,
     phase_words,
@@ -116,14 +118,14 @@ def verdict_words(found: DiagnosisResult) -> str:
         if undecided:
             return (
                 f"No {gap} is significant against noise and the uncertainties of the rig, but "
-                f"{' or '.join(undecided)} is "
+                f"{call_all(undecided, found.suspects, ' or ')} is "
                 "undecided: these logs neither show nor exclude it."
             )
         if found.minor:
             return "What these logs show beyond noise and uncertainties is too small to matter: no cause is named."
         return f"No {gap} is significant against noise and the uncertainties of the rig: no cause is named."
     share = share_words(max(closure.share, 0.0)).replace(">", "more than")
-    listed = " + ".join(one.effect for one in found.candidates)
+    listed = call_all([one.effect for one in found.candidates], found.suspects, " + ")
     if listed and not count and found.verdict == "partly_explained":
         return (
             f"No cause is named: a fit of {listed} closes {share} of the {gap} "
@@ -131,13 +133,14 @@ def verdict_words(found: DiagnosisResult) -> str:
             f"too, which these may only imitate; {_residual_words(found)}."
         )
     if not count:
+        best = call_all(found.chosen, found.suspects, " + ")
         share = f"only {share}" if closure.share > NONE_CLOSED else "none"
         tried = (
             f"the best of {len(found.sets) - 1} sets of effects"
             if len(found.sets) > 2
             else "the only set of effects"
         )
-        return f"No cause is named: {tried} ({' + '.join(found.chosen)}) closes {share} of the {gap} {judged_words(found)}."
+        return f"No cause is named: {tried} ({best}) closes {share} of the {gap} {judged_words(found)}."
     more = len(found.unnamed)
     named = "One cause closes" if count == 1 else f"{count} causes close"
     if more:
@@ -153,11 +156,7 @@ def _shared_words(found: DiagnosisResult) -> str:
     any.
     """
     own = found.own_simulation if isinstance(found, ModelDiagnosis) else None
-    return (
-        ""
-        if own is None
-        else " and ".join(f"{found.suspects[name].label} ({name})" for name in own.shared)
-    )
+    return "" if own is None else call_all(own.shared, found.suspects, " and ")
 
 
 def _residual_words(found: DiagnosisResult) -> str:
@@ -215,7 +214,7 @@ class Action(NamedTuple):
 
 def action_of(found: DiagnosisResult, cause: NamedCause) -> Action:
     """What to do about a cause: check an entry, separate it from its look-alikes, recalibrate a
-    sensor, or enter it.
+    sensor, confirm it by what would show another cause beyond the catalogue, or correct it.
     """
     effect = found.suspects[cause.effect]
     path = effect.path
@@ -253,7 +252,10 @@ def action_of(found: DiagnosisResult, cause: NamedCause) -> Action:
             if cause.stage != "transmission"
             else "correct the line power for it"
         )
-    return Action("enter it with `--write`")
+    own = found.judgement.classes.get(cause.effect)
+    if own is not None and own.broken_by:
+        return Action(f"confirm it by {own.broken_by.partition(';')[0]}", "`--write` enters it")
+    return Action("correct it in the rig file", "`--write` enters it")
 
 
 # ----------------------------------------------------------------------- what else a reader needs
@@ -265,10 +267,18 @@ def certainty_words(found: DiagnosisResult) -> str:
         rivals = {
             cause.effect: [rival.effect for rival in cause.look_alikes] for cause in found.causes
         }
-        pairs = [f"{cause} from {' or '.join(names)}" for cause, names in rivals.items() if names]
+        pairs = [
+            f"{called(cause, found.suspects)} from {call_all(names, found.suspects, ' or ')}"
+            for cause, names in rivals.items()
+            if names
+        ]
         apart = [f"these logs do not distinguish {', nor '.join(pairs)}"] if pairs else []
         for cause, own in found.judgement.classes.items():
-            apart += [f"{' or '.join(own.beyond)} would look like {cause}"] if own.beyond else []
+            apart += (
+                [f"{' or '.join(own.beyond)} would look like {called(cause, found.suspects)}"]
+                if own.beyond
+                else []
+            )
         return upper(f"{'; '.join(apart)}.") if apart else ""
     if found.verdict == "unexplained" or _shared_words(found):
         return ""
@@ -277,7 +287,7 @@ def certainty_words(found: DiagnosisResult) -> str:
         (names for names in found.sets if names), key=lambda names: found.sets[names], default=()
     )
     other = (
-        f"; of {' + '.join(best)}, the most probable set, {probability_words(found.sets[best])}"
+        f"; of {call_all(best, found.suspects, ' + ')}, the most probable set, {probability_words(found.sets[best])}"
         if best
         else ""
     )
@@ -286,7 +296,10 @@ def certainty_words(found: DiagnosisResult) -> str:
 
 def distinguished_words(found: DiagnosisResult) -> str:
     """What distinguishes each cause from its look-alikes, in the catalogue and beyond it."""
-    return " ".join(f"{name}: {own.broken_by}." for name, own in found.judgement.classes.items())
+    return " ".join(
+        f"{called(name, found.suspects)}: {own.broken_by}."
+        for name, own in found.judgement.classes.items()
+    )
 
 
 def not_needed_words(found: DiagnosisResult) -> str:
@@ -297,7 +310,7 @@ def not_needed_words(found: DiagnosisResult) -> str:
     others = dict.fromkeys(
         effect_name(name) for name in found.suspects if effect_name(name) not in chosen
     )
-    return f"Not needed: {', '.join(others)}." if found.causes else ""
+    return f"Not needed: {call_all(others, found.suspects)}." if found.causes else ""
 
 
 def undetermined_words(found: ModelDiagnosis) -> str:
@@ -338,7 +351,7 @@ def not_visible_words(found: ModelDiagnosis) -> str:
     names = dict.fromkeys(effect_name(name) for name in found.not_visible)
     if not found.missing_channels or not names:
         return ""
-    return f"Without {', '.join(found.missing_channels)} these logs cannot show {', '.join(names)}."
+    return f"Without {', '.join(found.missing_channels)} these logs cannot show {call_all(names)}."
 
 
 def finding_words(found: DiagnosisResult) -> list[str]:
@@ -351,7 +364,7 @@ def finding_words(found: DiagnosisResult) -> list[str]:
     ['1 of 2 logs, stuck: idc holds one value (a.csv).']
     """
     sentences = []
-    for all_runs, called in ((found.runs, "log"), (simulations_of(found), "simulation")):
+    for all_runs, word in ((found.runs, "log"), (simulations_of(found), "simulation")):
         runs = {run.name: run for run in all_runs}
         alike: dict[tuple[str, str | None], dict[str, Finding]] = {}
         for run in runs.values():
@@ -362,7 +375,7 @@ def finding_words(found: DiagnosisResult) -> list[str]:
                     )
         for (kind, _), files in alike.items():
             file, first = next(iter(files.items()))
-            count = f"{len(files)} of {len(runs)} {called}{'s' * (len(runs) > 1)}"
+            count = f"{len(files)} of {len(runs)} {word}{'s' * (len(runs) > 1)}"
             action = f"; {first.action}" if first.action else ""
             sentences.append(f"{count}, {kind}: {first.message} ({file}){action}.")
     return sentences
@@ -381,7 +394,7 @@ def stability_words(found: DiagnosisResult) -> str:
     """
     item = "cycle" if isinstance(found, StageDiagnosis) else "run"
     steady = [
-        cause.effect
+        called(cause.effect, found.suspects)
         for cause in found.causes
         if len(runs_with_number(cause)) >= MIN_RUNS
         and not (cause.stability and cause.stability.trends)
@@ -423,7 +436,8 @@ def experiment_words(found: DiagnosisResult) -> str:
     plan = found.experiment
     if plan is None:
         return ""
-    (one, other), apart = plan.separates, f"{apart_words(plan.expected_z)} standard deviations"
+    one, other = (called(name, found.suspects) for name in plan.separates)
+    apart = f"{apart_words(plan.expected_z)} standard deviations"
     run = (
         profile_words(plan)
         if plan.load is None
@@ -432,7 +446,11 @@ def experiment_words(found: DiagnosisResult) -> str:
     if plan.repeats:
         run = f"after all other runs the load of {plan.repeats} again, {run}"
     listed = (*found.causes, *found.candidates)
-    alike = [(cause.effect, one.effect) for cause in listed for one in cause.look_alikes]
+    alike = [
+        (called(cause.effect, found.suspects), called(look_alike.effect, found.suspects))
+        for cause in listed
+        for look_alike in cause.look_alikes
+    ]
     if other in [name for _, name in alike]:
         if plan.expected_z < FAR_ENOUGH:
             return f"No run distinguishes {one} from {other} by more than {apart} ({run}): measure one of the two directly."

@@ -6,84 +6,118 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
+
+from winchcascade.core.campaign_file import joint_origin
 from winchcascade.core.plain_text import first_of
-from winchcascade.core.run import Run
 from winchcascade.diagnosis.explain.model_comparison import (
-    COMPARED,
     GROUPS,
     Account,
-    ChannelDifference,
     LossBudget,
+    modelled,
 )
+from winchcascade.reduction.campaign_record import LogSummary
+from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.content import (
     Block,
     Cell,
     Column,
     Note,
-    Section,
+    Picture,
     Table,
-    picture,
-    section,
-    table,
 )
+from winchcascade.report.diagnosis_names import call_all
 from winchcascade.report.figures import model_figures as figures
-from winchcascade.report.figures.style import cut_apart
-from winchcascade.report.glossary import CHANNELS
+from winchcascade.report.figures.style import cut_apart, evenly, load_looks
 from winchcascade.report.wording import load_words
 
 PANELS = {
     "model-tether": ("pressure_kgcm2", "force_n", "power_gen_w"),
-    "model-generator": ("torque_nm", "vdc_v", "idc_a", "resistance_ohm"),
+    "model-generator": ("torque_nm", "vdc_v", "idc_a"),
     "model-losses": ("loss_w", "eta_gen"),
 }
-"""Curves of each figure."""
+"""Curves of each figure of a campaign."""
+
+DRAWN_RUNS = 12
+"""Logs that share a panel at most; of more, an even selection."""
 
 MAX_NAMES = 3
 """Logs of a campaign that a reason for not being simulated names."""
 
 
 class Named(NamedTuple):
-    """One log: its name, its load as a text (if that is unknown what the log is called), and
-    what is kept of its comparison.
-    """
+    """One log: its name, its load [ohm], and what is kept of its comparison."""
 
     name: str
-    load: str
+    load: float | None
     account: Account
 
-
-def run_section(run: Run, account: Account) -> Section:
-    """Lay one log beside its simulation; where there is none, give the reason. Called within the
-    style of the figures.
-    """
-    section_of_one = campaign_section(
-        [Named(run.name, load_words(run.load), account)], account.word
-    )
-    assert section_of_one is not None  # there is a log
-    return section_of_one
+    @property
+    def load_words(self) -> str:
+        """Its load as a text."""
+        return load_words(self.load)
 
 
-def campaign_section(logs: Sequence[Named], word: str) -> Section | None:
-    """Lay the logs of a campaign beside their simulations, all loads in a figure; None where
-    nothing was tried.
+def run_parts(reduction: Reduction, account: Account | None) -> list[Block | None]:
+    """Where the energy of one log goes in its simulation; where there is none, the reason.
 
     Parameters
     ----------
-    logs : in the order of their loads
-    word : what the logs are called
+    account : what is kept of the log beside its simulation, which is made here if not given
+    """
+    run = reduction.run
+    named = Named(run.name, run.load, account or modelled(reduction))
+    return _parts([named], run.origin.word)
+
+
+class _Kept(msgspec.Struct):
+    """What a log's result keeps of its simulation; nothing where it was made without a report."""
+
+    model: Account | None = None
+
+
+def campaign_parts(runs: Sequence[LogSummary], folder: Path) -> list[Block | None]:
+    """The logs of a campaign beside their simulations, all loads in a figure; empty where nothing
+    was tried.
+
+    Parameters
+    ----------
+    runs : in the order of their loads
+    folder : of the results, which keep the simulations
+    """
+    logs = []
+    for run in evenly(runs, DRAWN_RUNS):
+        try:
+            account = msgspec.json.decode((folder / run.result).read_bytes(), type=_Kept).model
+        except (OSError, msgspec.DecodeError):  # a result of another making
+            account = None
+        logs += [] if account is None else [Named(run.name, run.load, account)]
+    word = joint_origin([run.origin for run in runs]).word
+    return _parts(logs, word, [run.load for run in runs])
+
+
+def _parts(
+    logs: Sequence[Named], word: str, loads: Sequence[float | None] | None = None
+) -> list[Block | None]:
+    """Reasons why logs are left out, and the others with their budgets; of a campaign with its
+    loads, which have a colour each, also with their curves.
     """
     given, left_out = (
         [log for log in logs if bool(log.account.why) is without] for without in (False, True)
     )
     why = [Note(_reasons(left_out), "Left out", brief=False)] if left_out else []
-    heading = "Measured and simulated" if word == "measured" else "Log and simulation"
-    return (
-        section("model", heading, *why, *(_blocks(given, word) if given else []), folded=True)
-        if logs
-        else None
-    )
+    if not given:
+        return [*why]
+    return [
+        *why,
+        Note(_aim([log.account for log in given]), brief=False),
+        *([] if loads is None else _curves(given, word, loads)),
+        *_budget([log for log in given if log.account.budget is not None], word),
+    ]
 
 
 def _reasons(left_out: Sequence[Named]) -> str:
@@ -95,29 +129,25 @@ def _reasons(left_out: Sequence[Named]) -> str:
     return f"{'; '.join(named)}."
 
 
-def _blocks(given: Sequence[Named], word: str) -> list[Block | None]:
-    """All logs in each figure, and the tables."""
-    accounts = [log.account for log in given]
-    drawn = figures.styled_by_load([log.load for log in given], [a.curves for a in accounts])
+def _curves(given: Sequence[Named], word: str, loads: Sequence[float | None]) -> list[Picture]:
+    """All logs in each figure."""
+    looks = load_looks(loads)
+    drawn = [figures.Drawn(log.load_words, log.account.curves, *looks[log.load]) for log in given]
     rated, gear = (
-        next((x for x in values if x is not None), None)
-        for values in ([a.rated for a in accounts], [a.gear for a in accounts])
+        next((x for log in given if (x := getattr(log.account, name)) is not None), None)
+        for name in ("rated", "gear")
     )
     return [
-        Note(_aim(accounts), brief=False),
-        *(
-            picture(
-                figures.panels(drawn, names, word=word, rated=rated, gear=gear), name,
-                f"{shown_words(figures.given_names(drawn, names))} Lines: log; markers: "
-                f"simulated; means of the same samples.",
-                "Lines of the log and markers of the simulation; the mean differences are in the "
-                "table.",
-            )
-            for name, names in PANELS.items()
-        ),
-        _differences_table(given),
-        *_budget([log for log in given if log.account.budget is not None], word),
-    ]  # fmt: skip
+        Picture(
+            name,
+            f"{shown_words(figures.given_names(drawn, names))} Lines: log; markers: simulated; "
+            f"means of the same samples.",
+            "Lines of the log and markers of the simulation over generator speed or motion.",
+            partial(figures.panels, drawn, names, word=word, rated=rated, gear=gear),
+        )
+        for name, names in PANELS.items()
+        if figures.given_names(drawn, names)
+    ]
 
 
 def shown_words(names: Sequence[str]) -> str:
@@ -139,7 +169,7 @@ def shown_words(names: Sequence[str]) -> str:
 def _aim(accounts: Sequence[Account]) -> str:
     """What is compared: the rig, effects that its file states, and how many cycles."""
     rigs = ", ".join(dict.fromkeys(account.rig for account in accounts))
-    effects = ", ".join(dict.fromkeys(name for account in accounts for name in account.effects))
+    effects = call_all(dict.fromkeys(name for account in accounts for name in account.effects))
     stated = f", with the effects that it states: {effects}" if effects else ""
     some = any(a.cycles < a.total for a in accounts)
     first = " Of long logs the first complete cycles are compared." if some else ""
@@ -149,30 +179,6 @@ def _aim(accounts: Sequence[Account]) -> str:
 
 
 # ------------------------------------------------------------------------------------- the tables
-Difference = tuple[Named, str, ChannelDifference]
-"""A log, a channel, and its difference from the simulation."""
-
-
-def _differences_table(given: Sequence[Named]) -> Table[Difference] | None:
-    """Log minus simulation over the payouts, a row for each channel of each log."""
-    several: list[Column[Difference]] = [
-        Column("log", lambda row: row[0].name),
-        Column("load", lambda row: row[0].load),
-    ]
-    return table(
-        "differences", "Log - simulation over the payouts: mean (bias) and root mean square (rms).",
-        [
-            *(several if len(given) > 1 else []),
-            Column("channel", lambda row: CHANNELS[row[1]].label),
-            Column("unit", lambda row: CHANNELS[row[1]].unit),
-            Column("bias", lambda row: row[2].bias, signed=True, own_digits=True),
-            Column("rms", lambda row: row[2].rms, own_digits=True),
-        ],
-        [(log, name, one) for name in COMPARED for log in given if (one := log.account.differences.get(name)) is not None],
-        brief=False,
-    )  # fmt: skip
-
-
 ALWAYS = ("line losses", "inertia", "mesh", "damper", "copper", "diodes", "DC link")
 """Groups that a table shows in any case, from the line to the DC link; others only where there
 is something in them.
@@ -189,10 +195,10 @@ def row_names(logs: Sequence[Named]) -> list[str]:
     """What each log is called beside a bar: its load, and its name, cut, where others have the
     same load.
     """
-    count = Counter(log.load for log in logs)
+    count = Counter(log.load_words for log in logs)
     names = cut_apart([log.name for log in logs])
     return [
-        f"{log.load}, {name}" if count[log.load] > 1 else log.load
+        f"{log.load_words}, {name}" if count[log.load_words] > 1 else log.load_words
         for log, name in zip(logs, names, strict=True)
     ]
 
@@ -223,11 +229,12 @@ def _budget(logs: Sequence[Named], word: str) -> list[Block | None]:
         line.append(100.0 * sum(budgets[0].shares.values()))
     columns.append(Column("what it is", GROUPS.__getitem__))
     return [
-        picture(
-            figures.budget_bars(names, budgets, word=word), "model-budget",
+        Picture(
+            "model-budget",
             "Simulated loss budget in the integration window; marks: what reaches shaft and DC "
             "link.",
             "Stacked bars of the parts; the energies are in the table.",
+            partial(figures.budget_bars, names, budgets, word=word),
         ),
         Table(
             "loss-budget", "Simulated loss budget in the window, means over the cycles.", columns, shown, [[*line, ""]],

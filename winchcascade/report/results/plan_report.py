@@ -9,9 +9,9 @@ from typing import Any
 
 from winchcascade.core.version import __version__
 from winchcascade.design.run_plan import RunPlan
-from winchcascade.diagnosis.explain.planned_run import BACK
-from winchcascade.diagnosis.explain.planning import PlannedRun
+from winchcascade.diagnosis.explain.planned_run import BACK, PlannedRun
 from winchcascade.report.content import Column, Note, Report, section, table
+from winchcascade.report.diagnosis_names import call_all
 from winchcascade.report.results.common import provenance
 from winchcascade.report.wording import load_words
 
@@ -47,7 +47,7 @@ def plan_record(found: RunPlan) -> dict[str, Any]:
 
 def plan_report(found: RunPlan, *, command: str = "") -> Report:
     """Report of a plan."""
-    what = f"{' from '.join(found.pair)}" if found.pair is not None else f"{found.metric}"
+    what = call_all(found.pair, between=" from ") if found.pair is not None else f"{found.metric}"
     unit = "sigma" if found.measure == "z" else ""
     aim = f"separates {what}" if found.pair is not None else f"determines {what}"
     last = found.expected[-1] if found.expected else found.before
@@ -65,8 +65,8 @@ def plan_report(found: RunPlan, *, command: str = "") -> Report:
                 f"{100.0 * found.random_share:.0f} % of them reach the aim.",
                 "Random",
             ) if found.runs else None,
-            *(Note(f"No run separates {one} from {other}: logs show their combination alone.", "Together", "warn")
-              for one, other in found.together),
+            *(Note(f"No run separates {call_all(pair, between=' from ')}: logs show their combination "
+                   f"alone.", "Together", "warn") for pair in found.together),
         ],
         sections=[
             section("runs", "Runs", table("runs", _caption(found), _columns(found), list(enumerate(found.runs)))),
@@ -91,5 +91,5 @@ def _columns(found: RunPlan) -> list[Column[tuple[int, PlannedRun]]]:
         Column("load", lambda row: load_words(row[1].load, "ohm")),
         Column("speed", lambda row: row[1].speed, "m/s", 3),
         Column("place", lambda row: row[1].place),
-        Column(head, lambda row: found.expected[row[0]], own_digits=True),
+        Column(head, lambda row: found.expected[row[0]]),
     ]

@@ -5,11 +5,12 @@ uncertainty, findings.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from functools import cache, partial
+from typing import TYPE_CHECKING
 
 from winchcascade.core.store import fingerprint
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.reduction.uncertainty import Uncertainty
+from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
 from winchcascade.reduction.wave_energies import WaveEnergies, waves_of
 from winchcascade.report.content import (
     Measured,
@@ -19,21 +20,33 @@ from winchcascade.report.content import (
     Section,
     Span,
     Tile,
-    number_text,
     section,
     shown,
 )
+from winchcascade.report.figures.histories import powers_of
+from winchcascade.report.figures.reduction_figures import (
+    overlaid,
+    power_streams,
+    trend,
+    window_flow,
+)
 from winchcascade.report.glossary import metric, upper
-from winchcascade.report.results.common import data_note, provenance, ratio_words, samples_row
+from winchcascade.report.results.common import (
+    data_note,
+    histories,
+    model_section,
+    provenance,
+    ratio_words,
+    samples_row,
+)
 from winchcascade.report.results.reduction_tables import (
     bins_table,
     budget_table,
     cycles_table,
     directions_table,
     findings_table,
-    metric_decimals,
     net_table,
-    phases_tables,
+    phases_table,
     uncertainty_table,
 )
 from winchcascade.report.results.waves import wave_section, wave_tiles
@@ -42,11 +55,18 @@ from winchcascade.report.wording import (
     calibration,
     decisive,
     load_words,
+    mean_text,
     measured_load_words,
     net_reasons,
     not_known,
+    span_word,
     window_words,
 )
+
+if TYPE_CHECKING:
+    from winchcascade.diagnosis.explain.model_comparison import Account
+    from winchcascade.diagnosis.stages.stage_map import LossMap
+    from winchcascade.report.content import Blocks
 
 LISTED_REASONS = 3
 """Reasons for missing net energies that are listed; the JSON holds that of each cycle."""
@@ -57,22 +77,22 @@ OPEN_FINDINGS = 4
 
 def reduction_report(
     reduction: Reduction,
-    found: Uncertainty,
+    found: Uncertainty | None = None,
+    mapped: LossMap | None = None,
     *,
-    waves: WaveEnergies | None = None,
-    drawn: Mapping[str, Picture | None] | None = None,
-    more: Mapping[str, Section] | None = None,
+    model: Account | None = None,
     command: str = "",
 ) -> Report:
     """Report of a reduction.
 
     Parameters
     ----------
-    waves : energies of the waves, where cycles are waves; computed if not given
-    drawn : figures by their names, as `drawn_reduction` makes them; a terminal needs none
-    more : sections by their names: `histories`, `model`, and `loss-map`
+    found : uncertainty of the reduction; made here if not given
+    mapped : loss map that the report shows too
+    model : what is kept of the log beside its simulation; where a page needs it, simulated with
+        the numbers of the rig file if not given
     """
-    run, waves = reduction.run, waves or waves_of(reduction)
+    run, waves, found = reduction.run, waves_of(reduction), found or uncertainty(reduction)
     return Report(
         kind="Reduction of a log",
         title=run.name + ("" if run.table is None else f", table {run.table!r}"),
@@ -85,8 +105,11 @@ def reduction_report(
             Note(reduction.rig.note, "Rig note"),
         ],
         sections=[
-            *_result_sections(reduction, found, waves, drawn or {}),
-            *_evidence_sections(reduction, drawn or {}, more or {}),
+            *_result_sections(reduction, found, waves),
+            histories(reduction),
+            *([] if mapped is None else [_loss_map(mapped)]),
+            *_evidence_sections(reduction),
+            model_section(run.origin.word, partial(_simulated, reduction, model)),
             section(
                 "uncertainty", "Uncertainty",
                 uncertainty_table(reduction, found), budget_table(reduction, found), folded=True,
@@ -95,6 +118,19 @@ def reduction_report(
         ],
         banner=banner([run.origin]),
     )  # fmt: skip
+
+
+# ------------------------------------------------------ parts whose modules a terminal does without
+def _loss_map(mapped: LossMap) -> Section:
+    from winchcascade.report.results.loss_map import loss_map_section
+
+    return loss_map_section(mapped)
+
+
+def _simulated(reduction: Reduction, model: Account | None) -> Blocks:
+    from winchcascade.report.results.model_section import run_parts
+
+    return run_parts(reduction, model)
 
 
 # ------------------------------------------------------------------------------- the first screen
@@ -139,7 +175,7 @@ def stated_text(reduction: Reduction, found: Uncertainty, name: str) -> str:
     together.
     """
     of = reduction.mean if reduction.rig.phases.repeats else reduction.total
-    return number_text(of[name], metric_decimals(reduction, found, name))
+    return mean_text(name, of[name], found.standard[name])
 
 
 def _interval(found: Uncertainty, name: str) -> str:
@@ -200,41 +236,67 @@ def _accuracy(found: Uncertainty) -> list[Note]:
 
 # ----------------------------------------------------------------------------------- the sections
 def _result_sections(
-    reduction: Reduction,
-    found: Uncertainty,
-    waves: WaveEnergies | None,
-    drawn: Mapping[str, Picture | None],
+    reduction: Reduction, found: Uncertainty, waves: WaveEnergies | None
 ) -> list[Section]:
     """Findings, waves, and the energies of windows and of whole cycles."""
     findings = reduction.quality
+    texts = {
+        m: stated_text(reduction, found, m) for m, x in reduction.mean.items() if x is not None
+    }
+    of = "mean of the" if reduction.rig.phases.repeats else "all"
+    flow = Picture(
+        "flow",
+        f"Where the energy goes in the window, {of} complete cycles.",
+        "Flow diagram of the energies, which are in the table.",
+        partial(window_flow, reduction, texts),
+    )
     return [
         section("findings", "Findings", findings_table(reduction.run, findings), folded=len(findings) > OPEN_FINDINGS),
-        *([] if waves is None else [wave_section(waves, drawn.get("wave-energies"))]),
+        *([] if waves is None else [wave_section(waves)]),
         section(
             "results", "Energies and efficiencies",
-            drawn.get("flow"), cycles_table(reduction, found), directions_table(reduction), folded=waves is not None,
+            flow, cycles_table(reduction, found), directions_table(reduction), folded=waves is not None,
         ),
         section("whole-cycles", "Whole cycles", net_table(reduction, found), *_net_notes(reduction), folded=True),
     ]  # fmt: skip
 
 
-def _evidence_sections(
-    reduction: Reduction, drawn: Mapping[str, Picture | None], more: Mapping[str, Section]
-) -> list[Section]:
-    """Time histories, loss map, phases, cycles and powers behind the results, and the simulation
-    of the log.
-    """
-    listed = [
-        more.get("histories"),
-        more.get("loss-map"),
-        section("phases", "Phases", *phases_tables(reduction), folded=True),
-        section("cycles", "Cycles beside each other", drawn.get("overlaid"), drawn.get("trend"), folded=True),
+def _evidence_sections(reduction: Reduction) -> list[Section]:
+    """Phases, cycles and powers behind the results."""
+    best, worst = (c.cycle for c in reduction.extremes[:2]) if reduction.extremes else (None, None)
+    powers = cache(lambda: powers_of(reduction))
+    means = f"; right: of all complete {span_word(reduction)}s, with means in bins"
+    overlaid_cycles = Picture(
+        "overlaid",
+        "Cycles from their onsets on; dashed: end of the window.",
+        "Line plots of the cycles laid over each other.",
+        lambda: overlaid(reduction, powers(), best, worst),
+    )
+    streams = Picture(
+        "streams",
+        f"Powers of a cycle; dashed: integration window{means if reduction.bins else ''}.",
+        "Line plot of the powers over time, and dots with binned means over generator speed.",
+        lambda: power_streams(reduction, powers()),
+    )
+    drift = Picture(
+        "trend",
+        "Complete cycles one after the other.",
+        "Dots of the efficiencies and energies over the number of the cycle; the values are in "
+        "the tables.",
+        partial(trend, reduction),
+    )
+    repeats = reduction.rig.phases.repeats
+    return [
+        section("phases", "Phases", phases_table(reduction), folded=True),
         section(
-            "powers", "Power over time and generator speed", drawn.get("streams"), bins_table(reduction), folded=True
+            "cycles", "Cycles beside each other", overlaid_cycles if repeats else None, drift,
+            folded=True,
         ),
-        more.get("model"),
+        section(
+            "powers", "Power over time and generator speed", streams, bins_table(reduction),
+            folded=True,
+        ),
     ]  # fmt: skip
-    return [one for one in listed if one is not None]
 
 
 def _net_notes(reduction: Reduction) -> list[Note]:

@@ -24,8 +24,9 @@ from winchcascade.report.content import (
     Measured,
     Span,
     Table,
-    common_places,
+    known,
     number_text,
+    places,
     shown,
     table,
 )
@@ -37,6 +38,9 @@ LISTED_CYCLES = 14
 the last half of that.
 """
 
+SHOWN_SHARE = 5e-4
+"""An energy against the cascade below this share of that with it is rounding of the sensors. [1]"""
+
 LISTED_BINS = 80
 """Bins of generator speed that a table lists, in the same way."""
 
@@ -44,45 +48,12 @@ CYCLE: Column[CycleResult] = Column("cycle", label)
 
 
 # ----------------------------------------------------------------------------------------- cycles
-def decimals_of(reduction: Reduction, names: Sequence[str]) -> int:
-    """Decimals of metrics of one kind whose uncertainty is unknown: three digits of the largest of
-    all cycles, of large ones four.
+def mean_decimals(found: Uncertainty, name: str) -> int | None:
+    """Decimals of the mean of a metric, and so of its cycles: those of its standard uncertainty,
+    else those of its kind.
     """
-    if names[0].startswith("eta"):
-        return 3
-    values = [c.metrics[name] for c in reduction.cycles for name in names]
-    largest = max((abs(x) for x in values if x is not None and math.isfinite(x)), default=0.0)
-    digits = math.floor(math.log10(largest)) if largest > 0.0 else 2
-    return min(3 - digits, 0) if digits >= 2 else min(2 - digits, 9)
-
-
-def metric_decimals(reduction: Reduction, found: Uncertainty, name: str) -> int:
-    """Decimals of a metric wherever it stands: as its uncertainties allow, and four digits of
-    its largest at most.
-    """
-    uncertainties = [*(u[name] for u in found.budget.cycles), mean_u(found, name)]
-    allowed = common_places([Measured(None, u) for u in uncertainties])
-    alike = [
-        m
-        for m in reduction.rig.cascade.all_metrics
-        if m.partition("_")[0] == name.partition("_")[0]
-    ]
-    if allowed is None:
-        return decimals_of(reduction, alike or [name])
-    largest = max(
-        (
-            abs(x)
-            for c in reduction.cycles
-            if (x := c.metrics[name]) is not None and math.isfinite(x)
-        ),
-        default=0.0,
-    )
-    return min(allowed, 3 - math.floor(math.log10(largest))) if largest > 0.0 else allowed
-
-
-def mean_u(found: Uncertainty, name: str) -> float | None:
-    """Standard uncertainty of a mean, or its repeatability where no accuracy is known."""
-    return found.standard[name] or found.budget.repeatability[name]
+    u = found.standard[name]
+    return places(u) if known(u) else metric(name).decimals
 
 
 def _cycles(
@@ -105,9 +76,8 @@ def _cycles(
                 head,
                 partial(_metric, m),
                 metric(m).unit,
-                metric_decimals(reduction, found, m),
+                mean_decimals(found, m),
                 brief=not m.startswith("power"),
-                own_digits=True,
             )
             for head, m in of.items()
         ),
@@ -177,16 +147,16 @@ def net_table(reduction: Reduction, found: Uncertainty) -> Table[CycleResult] | 
 
 def directions_table(reduction: Reduction) -> Table[tuple[str, BothWays]] | None:
     """Stages whose power changes its direction: what flows with the cascade and against it."""
-    decimals = decimals_of(reduction, reduction.rig.cascade.energies)
     columns: list[Column[tuple[str, BothWays]]] = [
         Column("stage", lambda row: row[0]),
-        Column("with the cascade", lambda row: row[1].positive, "J", decimals),
-        Column("against it", lambda row: row[1].negative, "J", decimals),
+        Column("with the cascade", lambda row: row[1].positive, "J"),
+        Column("against it", lambda row: row[1].negative, "J"),
     ]
     both = [
         row
         for row in reduction.both_ways.items()
-        if min(row[1].positive, -row[1].negative) >= 0.5 * 10.0**-decimals
+        if min(row[1].positive, -row[1].negative)
+        >= SHOWN_SHARE * max(row[1].positive, -row[1].negative)
     ]
     return table(
         "directions", "Energies in both directions, all complete cycles together.", columns, both
@@ -214,29 +184,9 @@ PHASE_COLUMNS = (
 plateau.
 """
 
-MEAN_COLUMNS = (
-    _phase("v_max", "payout", "speed_max", "m/s", 2),
-    _phase("F", "payout.plateau", "force", "N", 0),
-    _phase("τ", "payout.plateau", "torque", "N.m", 1),
-    *(
-        _phase(f"P_{s} plateau", "payout.plateau", f"power_{s}", "W", 0)
-        for s in ("line", "mech", "gen")
-    ),
-    _phase("F_hold", "hold", "force", "N", 0),
-    _phase("τ_hold", "hold", "torque", "N.m", 1),
-    _phase("p_hold", "hold", "pressure", "kg/cm2", 2),
-    _phase("v haul-in", "haul_in", "speed_max", "m/s", 2),
-    _phase("F_mean", "haul_in", "force", "N", 0),
-    _phase("F_min", "haul_in", "force_min", "N", 0),
-    _phase("E haul-in", "haul_in", "energy_line", "J", 0),
-)
-"""Time means over plateau and hold, then numbers of the haul-in."""
 
-
-def phases_tables(reduction: Reduction) -> tuple[Table[CycleResult], Table[CycleResult] | None]:
-    """Instants and durations of the phases of every cycle, and time means over them where any is
-    known.
-    """
+def phases_table(reduction: Reduction) -> Table[CycleResult]:
+    """Instants and durations of the phases of every cycle; the JSON has their means too."""
     zero, word = clock_zero(reduction.run), span_word(reduction)
     since = f"; onset since {zero:.2f} s on the log's clock" if zero else ""
     spans = [
@@ -245,19 +195,7 @@ def phases_tables(reduction: Reduction) -> tuple[Table[CycleResult], Table[Cycle
         _phase("payout" if word == "payout" else "length", "payout", "duration", "s", 2),
         *PHASE_COLUMNS,
     ]
-    means = "Time means over plateau (F, τ, P), hold and haul-in, whose energy returns to the line."
-    known = Table(
-        "phase-means",
-        means,
-        [CYCLE, *MEAN_COLUMNS],
-        reduction.cycles,
-        brief=False,
-        limit=LISTED_CYCLES,
-    ).used()
-    return (
-        Table("phases", f"Phases{since}.", spans, reduction.cycles, limit=LISTED_CYCLES),
-        known if len(known.columns) > 1 else None,
-    )
+    return Table("phases", f"Phases{since}.", spans, reduction.cycles, limit=LISTED_CYCLES)
 
 
 def bins_table(reduction: Reduction) -> Table[Bin] | None:
@@ -275,10 +213,7 @@ def bins_table(reduction: Reduction) -> Table[Bin] | None:
     columns: list[Column[Bin]] = [
         Column("generator speed", lambda b: Span(b.rpm_low, b.rpm_high), "rpm", 0),
         Column("samples", lambda b: b.count, decimals=0),
-        *(
-            Column(short(f"power_{stage}"), partial(_binned, stage), "W", 0, own_digits=True)
-            for stage in stages
-        ),
+        *(Column(short(f"power_{stage}"), partial(_binned, stage), "W", 0) for stage in stages),
         *(Column(f"into {store}", partial(_stored, store), "W", 0) for store in stores),
     ]
     given = {"inertia_rotor": "rotor" in stores, "c_dc": "capacitor" in stores}
@@ -318,21 +253,18 @@ def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table[str] | 
     columns: list[Column[str]] = [
         Column("metric", short),
         Column("unit", lambda m: metric(m).unit),
-        Column("95 % interval", lambda m: ends(m, alone=False), own_digits=True),
-        Column(
-            "u, sensors", lambda m: Measured(known.sensors[m], known.sensors[m]), own_digits=True
-        ),
+        Column("95 % interval", lambda m: ends(m, alone=False)),
+        Column("u, sensors", lambda m: Measured(known.sensors[m], known.sensors[m])),
         Column(
             "u, cycles",
             lambda m: Measured(known.repeatability[m], known.repeatability[m]),
-            own_digits=True,
         ),
         Column(
             "ν",
             lambda m: math.inf if (known.freedom[m] or 0.0) > 1000.0 else known.freedom[m],
             decimals=1,
         ),
-        Column("these cycles alone", lambda m: ends(m, alone=True), own_digits=True),
+        Column("these cycles alone", lambda m: ends(m, alone=True)),
     ]
     note = (
         "ν: effective degrees of freedom. These cycles alone: without their scatter."

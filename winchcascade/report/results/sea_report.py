@@ -9,23 +9,27 @@ from functools import partial
 from typing import Any
 
 from winchcascade.core.version import __version__
-from winchcascade.diagnosis.handover.posterior import Band
-from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.report.content import (
     Cell,
     Column,
-    Measured,
     Note,
+    Picture,
     Report,
-    Span,
-    picture,
     section,
     shown,
     table,
 )
-from winchcascade.report.figures.style import house_style
+from winchcascade.report.figures import sea_figures as figures
 from winchcascade.report.results.common import provenance
-from winchcascade.report.results.judgement import judgement_banner, judgement_note, judgement_record
+from winchcascade.report.results.judgement import (
+    band_cell,
+    band_record,
+    band_span,
+    finite,
+    judgement_banner,
+    judgement_note,
+    judgement_record,
+)
 from winchcascade.rig.ledger import LEDGER
 from winchcascade.sea.in_sea import PEAKS
 from winchcascade.sea.sea_study import InSea, SeaStudy
@@ -53,7 +57,7 @@ def sea_record(found: SeaStudy) -> dict[str, Any]:
         "rig": found.tested.rig,
         **judgement_record(found.tested.judgement),
         "line_moved_by": found.moved_by,
-        "spectrum": {"gamma": _number(seas.states[0].gamma)},
+        "spectrum": {"gamma": finite(seas.states[0].gamma)},
         "seed": seas.seed,
         "minutes": seas.minutes,
         "froude_scale": seas.froude,
@@ -62,8 +66,8 @@ def sea_record(found: SeaStudy) -> dict[str, Any]:
         "load_ohm": found.load,
         "schedule": control and [{"rpm": rpm, "load_ohm": load} for rpm, load in zip(control.rpm, control.loads, strict=True)],
         "limits": {quantity: found.limits.get(name) for name, quantity in PEAKS.items()},
-        "energy_mwh_per_year": found.year and _band(found.year),
-        "hours_with_a_result": _number(found.hours),
+        "energy_mwh_per_year": found.year and band_record(found.year),
+        "hours_with_a_result": finite(found.hours),
         "rows": [_row(row) for row in found.rows],
     }  # fmt: skip
 
@@ -73,26 +77,18 @@ def _row(row: InSea) -> dict[str, Any]:
     return {
         "hs_m": row.hs,
         "tp_s": row.tp,
-        "hours_per_year": _number(row.hours),
-        **{name: _band(band) for name, band in row.values.items()},
+        "hours_per_year": finite(row.hours),
+        **{name: band_record(band) for name, band in row.values.items()},
         "lost_w": row.lost,
-        "outside_of_logs": _number(row.outside),
+        "outside_of_logs": finite(row.outside),
         "over_limit": bool(row.exceeds),
         "exceeds": list(row.exceeds),
-        "best_load_ohm": _number(row.best_load),
+        "best_load_ohm": finite(row.best_load),
         **{f"outside_of_logs_{name}": share for name, share in row.beyond.items()},
-        **{f"p_gen_{name}_w": _band(band) for name, band in row.power.items()},
-        **{f"gain_{name}": _band(band) for name, band in row.gain.items()},
+        **{f"p_gen_{name}_w": band_record(band) for name, band in row.power.items()},
+        **{f"gain_{name}": band_record(band) for name, band in row.gain.items()},
         "reason": row.reason or None,
     }
-
-
-def _number(x: float) -> float | None:
-    return x if math.isfinite(x) else None
-
-
-def _band(band: Band) -> dict[str, float | None]:
-    return {"value": _number(band.value), "low": _number(band.low), "high": _number(band.high)}
 
 
 def sea_csv(found: SeaStudy) -> str:
@@ -116,11 +112,8 @@ def sea_csv(found: SeaStudy) -> str:
 
 
 # ----------------------------------------------------------------------------------------- report
-@house_style()
 def sea_report(found: SeaStudy, *, command: str = "") -> Report:
     """Report of a rig in waves."""
-    from winchcascade.report.figures import sea_figures as figures
-
     tested, seas = found.tested, found.seas
     rows = [row for row in found.rows if not row.reason]
     outside = max(row.outside for row in rows)
@@ -151,26 +144,30 @@ def sea_report(found: SeaStudy, *, command: str = "") -> Report:
             *(Note(f"{row.hs:g} m, {row.tp:g} s: {row.reason}", "No result", "warn") for row in found.rows if row.reason),
         ],
         sections=[
-            section("power", "Mean power", picture(
-                figures.power_figure(found), "power",
+            section("power", "Mean power", Picture(
+                "power",
                 "Mean power at the DC link in each sea [W]; italic or hollow where the logs do "
                 "not cover the motion.",
                 "Mean power over wave height and period; the values are in the table.",
+                partial(figures.power_figure, found),
             ), _power_table(found)),
-            section("losses", "Losses", picture(
-                figures.losses_figure(found), "losses", "Where the net power of the line goes in "
-                                                        "each sea.",
+            section("losses", "Losses", Picture(
+                "losses",
+                "Where the net power of the line goes in each sea.",
                 "Stacked shares for each sea; the values are in the table.",
+                partial(figures.losses_figure, found),
             ), _losses_table(found)),
-            *([section("gains", "Loads compared", picture(
-                figures.gains_figure(found), "gains", "Gain of mean power of one way to choose "
-                                                      "the load over another.",
+            *([section("gains", "Loads compared", Picture(
+                "gains",
+                "Gain of mean power of one way to choose the load over another.",
                 "Points with intervals for each sea; the values are in the table.",
+                partial(figures.gains_figure, found),
             ), _gains_table(found))] if any(row.gain for row in rows) else []),
-            section("peaks", "Peaks", picture(
-                figures.peaks_figure(found), "peaks", "Largest values of each sea, and the limits "
-                                                      "that are set.",
+            section("peaks", "Peaks", Picture(
+                "peaks",
+                "Largest values of each sea, and the limits that are set.",
                 "Points with intervals for each sea; the values are in the table.",
+                partial(figures.peaks_figure, found),
             ), _peaks_table(found)),
             provenance(
                 [("Loads of the logs (ohm)", ", ".join(f"{load:g}" for load in tested.loads)),
@@ -187,29 +184,13 @@ def _year_note(found: SeaStudy) -> Note | None:
     """The energy of a year."""
     if found.year is None:
         return None
-    year = f"{shown(_cell(found.year))} MWh in {found.hours:.0f} h"
+    year = f"{shown(band_cell(found.year))} MWh in {found.hours:.0f} h"
     interval = (
         ""
         if math.isnan(found.year.low)
         else f" (95 %: {found.year.low:.3g} to {found.year.high:.3g})"
     )
     return Note(f"{year}{interval}.", "Year")
-
-
-def _cell(band: Band) -> Cell:
-    return (
-        band.value
-        if math.isnan(band.low)
-        else Measured(band.value, 0.5 * (band.high - band.low) / COVERED, both=True)
-    )
-
-
-def _span(band: Band, factor: float = 1.0) -> Cell:
-    if math.isnan(band.low):
-        return None
-    return Span(
-        factor * band.low, factor * band.high, 0.5 * factor * (band.high - band.low) / COVERED
-    )
 
 
 SEA: tuple[Column[InSea], ...] = (
@@ -228,11 +209,11 @@ def _power_table(found: SeaStudy) -> Any:
     columns: list[Column[InSea]] = [
         *SEA,
         *([Column[InSea]("hours", lambda row: row.hours, "h", 0)] if found.seas.yearly else []),
-        Column("P_line", lambda row: _cell(row.values["p_line_w"]), "W", own_digits=True),
-        Column("P_gen", lambda row: _cell(row.values["p_gen_w"]), "W", own_digits=True),
-        Column("95 % interval", lambda row: _span(row.values["p_gen_w"]), "W", own_digits=True),
-        Column("eta_pto", lambda row: _cell(row.values["eta_pto"]), own_digits=True, brief=False),
-        Column("eta_net", lambda row: _cell(row.values["eta_net"]), own_digits=True),
+        Column("P_line", lambda row: band_cell(row.values["p_line_w"]), "W"),
+        Column("P_gen", lambda row: band_cell(row.values["p_gen_w"]), "W"),
+        Column("95 % interval", lambda row: band_span(row.values["p_gen_w"]), "W"),
+        Column("eta_pto", lambda row: band_cell(row.values["eta_pto"]), brief=False),
+        Column("eta_net", lambda row: band_cell(row.values["eta_net"])),
         Column("outside", lambda row: 100.0 * row.outside, "%", 0),
         Column("slack", lambda row: 100.0 * row.values["slack"].value, "%", 1, brief=False),
     ]
@@ -250,10 +231,7 @@ def _losses_table(found: SeaStudy) -> Any:
     """Mean power by each loss."""
     rows = _known(found)
     named = [name for name in rows[0].lost if any(row.lost[name] != 0.0 for row in rows)]
-    parts = [
-        Column[InSea](LEDGER[name].group, partial(_lost, name), "W", own_digits=True)
-        for name in named
-    ]
+    parts = [Column[InSea](LEDGER[name].group, partial(_lost, name), "W") for name in named]
     return table(
         "losses", "Mean power that is lost in each part.", [*SEA, *parts], rows, brief=False
     )
@@ -266,10 +244,9 @@ def _lost(name: str, row: InSea) -> Cell:
 def _gains_table(found: SeaStudy) -> Any:
     """Gains of one way to choose the load over another."""
     rows = [row for row in found.rows if row.gain]
-    best = Column[InSea]("best load", lambda row: row.best_load, "ohm", own_digits=True)
+    best = Column[InSea]("best load", lambda row: row.best_load, "ohm")
     gains = [
-        Column[InSea](name.replace("_", " "), partial(_gain, name), "%", own_digits=True)
-        for name in rows[0].gain
+        Column[InSea](name.replace("_", " "), partial(_gain, name), "%") for name in rows[0].gain
     ]
     outside = Column[InSea]("outside", lambda row: 100.0 * max(row.beyond.values()), "%", 0)
     caption = (
@@ -281,7 +258,7 @@ def _gains_table(found: SeaStudy) -> Any:
 
 
 def _gain(name: str, row: InSea) -> Cell:
-    return _span(row.gain[name], 100.0)
+    return band_span(row.gain[name], 100.0)
 
 
 def _peaks_table(found: SeaStudy) -> Any:
@@ -291,9 +268,8 @@ def _peaks_table(found: SeaStudy) -> Any:
         *(
             Column[InSea](
                 head,
-                lambda row, name=name: _cell(row.values[name]),  # type: ignore[misc]
+                lambda row, name=name: band_cell(row.values[name]),  # type: ignore[misc]
                 unit,
-                own_digits=True,
             )
             for name, (head, unit) in PEAK_HEADS.items()
         ),

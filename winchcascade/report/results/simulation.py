@@ -17,7 +17,6 @@ from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.content import Column, Note, Report, Table, Tile, section, shown, table
 from winchcascade.report.figures.histories import powers_of
-from winchcascade.report.figures.style import house_style
 from winchcascade.report.glossary import STAGE_PLACES
 from winchcascade.report.results.common import data_note, histories, provenance, samples_row
 from winchcascade.report.wording import banner, load_words
@@ -30,7 +29,6 @@ shares have one decimal. [1]
 """
 
 
-@house_style()
 def simulation_report(
     simulation: Simulation,
     *,

@@ -1,10 +1,13 @@
 """What the diagnosis of stages without a model states: causes, energies by stage, sets that were
-tried.
+tried; its figures.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from winchcascade.diagnosis.diagnosis_result import Place, StageEnergy
 from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
@@ -13,23 +16,30 @@ from winchcascade.report.content import (
     Column,
     Measured,
     Note,
+    Picture,
     Report,
     Section,
     Table,
-    picture,
     section,
     table,
 )
 from winchcascade.report.diagnosis_names import (
+    call_all,
     origins_of,
     phase_words,
     probability_words,
-    set_words,
     shown_as,
     word_of,
 )
-from winchcascade.report.figures import stage_figures as figures
-from winchcascade.report.figures.style import house_style
+from winchcascade.report.figures.diagnosis_figures import DASHES
+from winchcascade.report.figures.style import (
+    COLOURS,
+    label_panel,
+    legend_above,
+    line_entry,
+    panel_figure,
+    wide_figure,
+)
 from winchcascade.report.glossary import upper
 from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.diagnosis_parts import (
@@ -49,11 +59,14 @@ from winchcascade.report.results.diagnosis_parts import (
 )
 from winchcascade.report.wording import banner
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
 LISTED_SETS = 12
 """Sets of suspects that are listed; all are in the JSON."""
 
 
-@house_style()
 def stage_report(found: StageDiagnosis, *, command: str = "") -> Report:
     """Report of a cascade of which the powers of neighbouring stages are known."""
     word, data = word_of(found), found.data
@@ -103,7 +116,7 @@ def _others_table(found: StageDiagnosis) -> Table[EffectNumber] | None:
         for one in found.fitted
         if one.effect not in named
     ]
-    return effects_table("others", "Numbers beside those of the causes.", rows)
+    return effects_table("others", "Numbers beside those of the causes.", rows, found.suspects)
 
 
 # --------------------------------------------------------------------------------------- energies
@@ -139,7 +152,7 @@ def _energies_table(found: StageDiagnosis) -> Table[PhaseEnergy] | None:
             )
             worst = max((one.after / one.measured - 1.0 for one in own), key=abs)
             rows.append(PhaseEnergy(stage, phase, measured, before, after, worst))
-    factor, k = figures.prefix(max((abs(row.measured) for row in rows), default=0.0))
+    factor, k = prefix(max((abs(row.measured) for row in rows), default=0.0))
     return table(
         "energies", "Energy at the stages, and by how much predictions deviate from it.",
         [
@@ -156,13 +169,15 @@ def _energies_table(found: StageDiagnosis) -> Table[PhaseEnergy] | None:
 
 # ----------------------------------------------------------------------------------- the evidence
 def _where(found: StageDiagnosis, word: str) -> Section:
-    factor, k = figures.prefix(max(place.rms for place in found.places))
+    factor, k = prefix(max(place.rms for place in found.places))
     return section(
         "where", "Where the gap lies",
-        picture(
-            figures.power_history(found, word), "history", f"Power that comes out: {word} and "
-                                                           f"predicted; below, the residual.",
+        Picture(
+            "history",
+            f"Power that comes out, from the cycle with the largest deviation of its energy on: "
+            f"{word} and predicted; below, the residual.",
             "Lines over time; root mean squares are in the table.",
+            partial(power_history, found, word),
         ),
         table(
             "places", f"{upper(word)} power that comes out minus that which goes in, stage by "
@@ -187,7 +202,7 @@ def _how_far(found: StageDiagnosis, word: str) -> Section:
         [one for one in found.energies if one.phase != "hold"] if found.closure is not None else []
     )
 
-    factor, k = figures.prefix(max((abs(one.measured) for one in energies), default=0.0))
+    factor, k = prefix(max((abs(one.measured) for one in energies), default=0.0))
 
     def energy(name: str) -> Column[StageEnergy]:
         return Column(
@@ -196,10 +211,11 @@ def _how_far(found: StageDiagnosis, word: str) -> Section:
 
     return section(
         "how-far", "How far the gap closes",
-        picture(
-            figures.power_scatter(found, word), "scatter",
+        Picture(
+            "scatter",
             f"{upper(word)} over predicted power at samples of the judged cycles.",
             "Clouds of marks about a diagonal, wide before and narrow after.",
+            partial(power_scatter, found, word),
         ),
         table(
             "cycle-energies", "Energy by stage, cycle and phase, with the uncertainty of the "
@@ -225,7 +241,7 @@ def _tried(found: StageDiagnosis) -> Section:
         table(
             "sets", "Sets of suspects by their probability.",
             [
-                Column("set", set_words),
+                Column("set", lambda names: call_all(names, found.suspects, " + ") or "none: no loss"),
                 Column("probability", lambda names: probability_words(found.sets[names])),
                 Column("choice", lambda names: "chosen" if names == found.chosen else ""),
             ],
@@ -234,3 +250,116 @@ def _tried(found: StageDiagnosis) -> Section:
         ),
         folded=True,
     )  # fmt: skip
+
+
+GIVEN, CAUSED = "without losses", "with the causes"
+
+MARKS = 2500
+"""Blocks that are drawn over each other, at most."""
+
+NEAR = 12.0
+"""Length of the enlarged stretch about the largest gap. [s]"""
+
+SHOWN = 2
+"""Cycles that are drawn over time."""
+
+
+def prefix(size: float) -> tuple[float, str]:
+    """Factor and prefix of the unit in which powers or energies of some size are shown.
+
+    >>> prefix(2000.0), prefix(5.0)
+    ((0.001, 'k'), (1.0, ''))
+    """
+    return (1e-3, "k") if size >= 1e3 else (1.0, "")
+
+
+def worst_cycle(found: StageDiagnosis) -> StageEnergy | None:
+    """Energy of the cycle, stage and phase from which the prediction deviates by the largest
+    share; None without any.
+    """
+    known = [one for one in found.energies if one.phase != "hold" and one.measured]
+    return max(known, key=lambda one: abs(one.after / one.measured - 1.0), default=None)
+
+
+def power_history(found: StageDiagnosis, word: str) -> Figure:
+    """Draw the power of the worst cycle and the next one over time, with the residual below, and
+    the largest gap of them enlarged.
+    """
+    judged, worst, path = found.data.judged, worst_cycle(found), _widest(found)
+    part = judged.part[0]
+    if worst is not None:
+        part = worst.run
+        path = [one.out.name for one in found.data.paths].index(worst.stage)
+    own_rows = (judged.part == part) & (judged.path == path)
+    rows = judged.some(own_rows)
+    t, cycles = rows.t, np.unique(rows.own_cycle)
+    measured, given = rows.given + rows.gap, rows.given
+    caused = None if found.closure is None else measured - found.closure.after[own_rows]
+    first = 0 if worst is None else int(np.searchsorted(cycles, worst.cycle or 0))
+    middle = cycles[min(first, max(cycles.size - SHOWN, 0)) :][:SHOWN]
+    own = t[np.isin(rows.own_cycle, middle)]
+    shown = (t >= own[0]) & (t <= own[-1])
+    about = t[shown][np.argmax(np.abs(rows.gap[shown]))]
+    near = (t >= about - 0.5 * NEAR) & (t <= about + 0.5 * NEAR)
+    figure = wide_figure(4.3)
+    axes = figure.subplots(2, 2, sharex="col", width_ratios=(2.1, 1.0), height_ratios=(1.7, 1.0))
+    factor, k = prefix(float(np.max(np.abs(measured))))
+    numbers = " and ".join(map(str, middle.tolist()))
+    title = f"Cycle{'s' * (middle.size > 1)} {numbers} of {found.data.parts[part].run.name}"
+    for column, (here, text) in enumerate(((shown, title), (near, "Where they differ most"))):
+        above, below = axes[:, column]
+        for power, colour, style in (
+            (given, "mech", {"lw": 0.9, "ls": DASHES}),
+            (caused, "gen", {"lw": 1.3}),
+        ):
+            if power is not None:
+                above.plot(t[here] - own[0], power[here] * factor, color=COLOURS[colour], **style)
+                below.plot(
+                    t[here] - own[0],
+                    (measured - power)[here] * factor,
+                    color=COLOURS[colour],
+                    **style,
+                )
+        above.plot(t[here] - own[0], measured[here] * factor, color=COLOURS["ink"], lw=0.7)
+        above.margins(x=0.01)
+        below.axhline(0.0, color=COLOURS["soft"], lw=0.6)
+        below.set_xlabel("Time (s)")
+        label_panel(above, "ab"[column], text)
+    axes[0, 0].set_ylabel(f"Power ({k}W)")
+    axes[1, 0].set_ylabel(f"Residual ({k}W)")
+    with_causes = [line_entry(CAUSED, "gen", lw=1.3)] if caused is not None else []
+    legend_above(
+        figure,
+        [line_entry(word, lw=0.9), line_entry(GIVEN, "mech", lw=1.0, ls=DASHES), *with_causes],
+    )
+    return figure
+
+
+def power_scatter(found: StageDiagnosis, word: str) -> Figure | None:
+    """Draw measured over predicted power, by the line alone and with the causes, at blocks spread
+    over the judged cycles.
+    """
+    if found.closure is None:
+        return None
+    here = found.closure.rows.path == _widest(found)
+    rows, after = found.closure.rows.some(here), found.closure.after[here]
+    factor, k = prefix(float(np.max(np.abs(rows.given))))
+    powers = np.array([rows.given + rows.gap, rows.given, rows.given + rows.gap - after])
+    measured, *sides = powers[:, :: max(after.size // MARKS, 1)] * factor
+    ends = [float(np.min(powers) * factor), float(np.max(powers) * factor)]
+    figure, axes = panel_figure(3.1, 1, 2, share="xy")
+    for ax, letter, predicted, colour, title in zip(
+        axes, "ab", sides, ("mech", "gen"), (GIVEN, CAUSED), strict=True
+    ):
+        ax.plot(ends, ends, color=COLOURS["soft"], lw=0.7)
+        ax.plot(predicted, measured, ".", ms=2.0, mew=0, color=COLOURS[colour], alpha=0.5)
+        ax.set(xlim=ends, ylim=ends)
+        label_panel(ax, letter, upper(title), x=f"Predicted power ({k}W)")
+    axes[0].set_ylabel(f"{upper(word)} power ({k}W)")
+    return figure
+
+
+def _widest(found: StageDiagnosis) -> int:
+    """Number of the path that loses most."""
+    rows = found.data.judged
+    return int(np.argmax(np.bincount(rows.path, rows.gap**2)))

@@ -123,30 +123,26 @@ def _table(found: ModelDiagnosis) -> Table[Validated] | None:
             "load",
             lambda row: "open" if math.isinf(row.load or 0.0) else row.load,
             "ohm",
-            own_digits=True,
         ),
         Column("speed", lambda row: row.speed, "m/s", 2),
         Column("of", lambda row: short(row.quantity)),
-        Column("D", lambda row: Measured(row.measured, row.u_d), own_digits=True),
-        Column("u_D", lambda row: Measured(row.u_d, row.u_d), own_digits=True),
+        Column("D", lambda row: Measured(row.measured, row.u_d)),
+        Column("u_D", lambda row: Measured(row.u_d, row.u_d)),
     ]
     for name, which in _sides().items():
         columns += [
             Column(
                 f"u_input {name}",
                 of(which, lambda one: Measured(one.u_input, one.u_input)),
-                own_digits=True,
             ),
             Column(
                 f"E {name}",
                 of(which, lambda one: Measured(one.error, one.u_val)),
-                own_digits=True,
                 signed=True,
             ),
             Column(
                 f"model error {name}",
                 of(which, lambda one: Span(one.low, one.high, one.u_val)),
-                own_digits=True,
             ),
         ]
     rows = [row for row in found.validation if row.quantity in FILED]

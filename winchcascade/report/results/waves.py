@@ -23,11 +23,12 @@ from winchcascade.report.content import (
     Section,
     Span,
     Tile,
-    picture,
     section,
     shown,
     table,
 )
+from winchcascade.report.figures.reduction_figures import stage_of
+from winchcascade.report.figures.style import COLOURS, evenly, label_panel, look_of, panel_figure
 from winchcascade.report.glossary import short, tex
 from winchcascade.report.results.common import ratio_words
 from winchcascade.report.wording import load_words
@@ -42,9 +43,9 @@ ROUNDING = 1e-9
 """An uncertainty below this share of its value is none. [1]"""
 
 
-def wave_section(found: WaveEnergies, drawn: Picture | None = None) -> Section:
-    """Waves of one log; `drawn` is the figure of `wave_picture`."""
-    return section("waves", "Waves", drawn, *_wave_blocks(found))
+def wave_section(found: WaveEnergies) -> Section:
+    """Waves of one log."""
+    return section("waves", "Waves", _wave_picture(found), *_wave_blocks(found))
 
 
 def wave_tiles(found: WaveEnergies) -> list[Tile]:
@@ -75,25 +76,19 @@ def wave_tiles(found: WaveEnergies) -> list[Tile]:
     return [*etas, *powers][:3]
 
 
-def campaign_waves_section(found: CampaignWaves, *, drawn: bool = True) -> Section:
-    """Waves of all logs together over their payout, and each log beside the others.
-
-    Parameters
-    ----------
-    drawn : with the figure, which needs the style of figures
-    """
-    stages = tuple(BUILT_IN.get(name) or Stage(name, ()) for name in found.together.record_energy)
+def campaign_waves_section(found: CampaignWaves) -> Section:
+    """Waves of all logs together over their payout, and each log beside the others."""
     columns: list[Column[LogWaves]] = [
         Column("log", lambda log: log.name),
         Column("load", lambda log: load_words(log.load, "ohm", unknown="-")),
         Column("waves", lambda log: sum(log.waves.counts), decimals=0),
         Column("record", lambda log: log.waves.record_duration, "s", 1),
-        *(Column(short(f"power_{s}"), partial(_mean_power, s), "W", own_digits=True) for s in found.together.record_energy),
+        *(Column(short(f"power_{s}"), partial(_mean_power, s), "W") for s in found.together.record_energy),
         *(Column(name, partial(_efficiency, name), decimals=3) for name in found.together.efficiency),
     ]  # fmt: skip
     return section(
         "waves", "Waves",
-        wave_picture(found.together, Cascade(stages, configured=True)) if drawn else None,
+        _wave_picture(found.together),
         *_wave_blocks(found.together),
         table("wave-logs", "Mean powers of each record, and ratios of sums of its waves.", columns, found.logs, brief=False),
         *(Note(text, "Left out") for text in found.left_out),
@@ -112,9 +107,9 @@ Row = tuple[str, RatioOfSums | None]
 """A stage with its mean power, or an efficiency of all waves together."""
 
 UNCERTAINTY: tuple[Column[Row], ...] = (
-    Column("95 %", lambda row: interval_of(row[1]), own_digits=True),
-    Column("u of waves", lambda row: _u(row[1], sensors=False), brief=False, own_digits=True),
-    Column("u of sensors", lambda row: _u(row[1], sensors=True), brief=False, own_digits=True),
+    Column("95 %", lambda row: interval_of(row[1])),
+    Column("u of waves", lambda row: _u(row[1], sensors=False), brief=False),
+    Column("u of sensors", lambda row: _u(row[1], sensors=True), brief=False),
 )
 
 EFFICIENCIES: tuple[Column[Row], ...] = (
@@ -139,7 +134,7 @@ def _wave_blocks(found: WaveEnergies) -> list[Block | None]:
     )
     powers: list[Column[Row]] = [
         Column("stage", lambda row: row[0]),
-        Column("mean power", lambda row: found.record_power.get(row[0]), "W", own_digits=True),
+        Column("mean power", lambda row: found.record_power.get(row[0]), "W"),
         *UNCERTAINTY,
         Column("energy of the record", lambda row: found.record_energy[row[0]], "J", 0, brief=False),
         Column("of its waves", lambda row: float(x.sum()) if (x := found.energy.get(row[0])) is not None else None, "J", 0,
@@ -174,30 +169,24 @@ def _u(of: RatioOfSums | None, *, sensors: bool) -> Cell:
 
 
 # ------------------------------------------------------------------------------------- the figure
-def wave_picture(found: WaveEnergies, cascade: Cascade) -> Picture | None:
-    """Energies and efficiencies of the waves as a block. Called within the style of figures."""
-    return picture(
-        _wave_figure(found, cascade), "wave-energies",
-        "Energy of each wave over its payout"
-        + (", and its efficiency; lines: ratios of sums." if found.efficiency else "."),
+def _wave_picture(found: WaveEnergies) -> Picture:
+    """Energies and efficiencies of the waves as a block."""
+    etas = ", and its efficiency; lines: ratios of sums" if found.efficiency else ""
+    return Picture(
+        "wave-energies",
+        f"Energy of each wave over its payout{etas}.",
         "Dots of energies and efficiencies over payout, and lines of the ratios of sums in the "
         "table.",
-    )  # fmt: skip
-
-
-def _wave_figure(found: WaveEnergies, cascade: Cascade) -> Figure | None:
-    """Energies and efficiencies of the waves over their payout; None without waves."""
-    from winchcascade.report.figures.reduction_figures import stage_of
-    from winchcascade.report.figures.style import (
-        COLOURS,
-        evenly,
-        label_panel,
-        look_of,
-        panel_figure,
+        partial(_wave_figure, found),
     )
 
+
+def _wave_figure(found: WaveEnergies) -> Figure | None:
+    """Energies and efficiencies of the waves over their payout; None without waves."""
     if not found.each or not np.isfinite(found.payout).all():
         return None
+    stages = tuple(BUILT_IN.get(name) or Stage(name, ()) for name in found.record_energy)
+    cascade = Cascade(stages, configured=True)
     figure, (left, *others) = panel_figure(2.9, 1, 1 + bool(found.efficiency))
     rows = np.array(evenly(range(len(found.each)), DRAWN_WAVES))
     payout, x_label = found.payout[rows], f"Payout ({found.payout_unit})"
@@ -214,7 +203,7 @@ def _wave_figure(found: WaveEnergies, cascade: Cascade) -> Figure | None:
     label_panel(left, "a", "Energy of each wave", x=x_label, y="Energy (J)")
     for right in others:
         for name, together in found.efficiency.items():
-            into, out = cascade.pairs[name]
+            into, out = found.pairs[name]
             look = look_of(stage_of(cascade, name))
             x, y = found.energy[into][rows], found.energy[out][rows]
             eta = np.divide(y, x, out=np.full(x.size, np.nan), where=x > 0.0)

@@ -68,3 +68,24 @@ class Units(msgspec.Struct, frozen=True, dict=True):
 
 PAPER_UNITS = Units()
 """SI units, in which the rig of the paper has its numbers."""
+
+
+OF_EFFECTS = {
+    "diode_drop": "volt",
+    "rotor_viscous": "damping_rotor",
+    "rotor_windage": "windage_rotor",
+    "rotor_friction": "torque_rotor",
+    "clutch_drag": "torque",
+    "line_friction": "torque",
+    "line_drag": "damping",
+    "drum_inertia": "inertia",
+    "drum_layering": "per_length",
+    "gas_volume": "volume",
+    "seal_friction": "thrust",
+    "force_zero": "force",
+    "electrical_lag": "time",
+    "stribeck": "torque",
+}
+"""Quantity of the parameter that a diagnosis reports of an injected effect, where it has a
+dimension.
+"""

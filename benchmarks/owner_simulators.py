@@ -12,9 +12,16 @@ import math
 
 import numpy as np
 
-from winchcascade.blind.injected import Hidden
-from winchcascade.blind.twin import FIXED, Solved, Twin, noiseless, solve_twin, stamps_of
-from winchcascade.blind.twin_numbers import LOADS, SENSORS, Numbers
+from winchcascade.blind.twin import (
+    FIXED,
+    NOMINAL,
+    Solved,
+    Twin,
+    noiseless,
+    solve_twin,
+    stamps_of,
+)
+from winchcascade.blind.twin_numbers import LOADS, Numbers
 from winchcascade.core.run import Signal
 
 DECIMALS = 6
@@ -45,10 +52,9 @@ def simulated_log(simulator: str, log: str, x: Signal, v: Signal) -> dict[str, S
     simulator : a name of `SIMULATORS`
     x, v : motion on the grid of the twin [m, m/s]
     """
-    twin = Twin(Numbers(), dict(LOADS), dict.fromkeys(SENSORS, 1.0), Hidden())
-    solved = solve_twin(twin, log, x, v, 0.0)
+    solved = solve_twin(NOMINAL, log, x, v, 0.0)
     return noise_free(
-        twin,
+        NOMINAL,
         solved if simulator == "same" else _averaged(solved, LOADS[log], SIMULATORS[simulator]),
     )
 

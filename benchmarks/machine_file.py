@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+from drawn_machine import Machine
 
-from winchcascade.blind.machine import Machine
 from winchcascade.blind.twin_numbers import AIR, RESTORING_SHARES, SCATTER, Numbers, Restoring
 from winchcascade.core.run import Signal
 

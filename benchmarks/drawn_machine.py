@@ -13,19 +13,22 @@ import math
 
 import msgspec
 import numpy as np
+from machine_units import PAPER_UNITS, Units
 
+from winchcascade.blind.injected import Hidden
+from winchcascade.blind.twin import Twin
 from winchcascade.blind.twin_numbers import (  # fmt: skip
     AIR,
     CRANE,
     CRANE_LOGGER,
     LOADS,
+    SENSORS,
     Crane,
     Fixed,
     Logger,
     Numbers,
     Restoring,
 )
-from winchcascade.blind.units import PAPER_UNITS, Units
 
 PAPER_NUMBERS, PAPER_FIXED = Numbers(), Fixed()
 
@@ -71,6 +74,14 @@ class Machine(msgspec.Struct, frozen=True):
     def relative(self) -> tuple[float, ...]:
         """Each number over that of the paper, by which its uncertainty is larger. [1]"""
         return tuple(own / paper for own, paper in zip(self.numbers, PAPER_NUMBERS, strict=True))
+
+    @property
+    def stated(self) -> Twin:
+        """The rig as its file states it."""
+        gains = dict.fromkeys(SENSORS, 1.0)
+        return Twin(
+            self.numbers, self.loads, gains, Hidden(), fixed=self.fixed, restoring=self.restoring
+        )
 
     def has(self, effect: str) -> bool:
         """Whether the rig has the part that an effect acts on."""
