@@ -147,10 +147,9 @@ def test_the_added_effects_are_found_with_the_numbers_that_were_simulated() -> N
     )
     given |= {name: float(factor) * given[name] for name, factor in shown_by}
     (printed,) = shown(page).values()
-    found = {
-        row[0]: (float(row[3]), float(row[5]))
-        for row in map(str.split, printed.splitlines())
-        if row[0] in given
-    }
+    rows = re.findall(
+        r"^(?:[^()\n]* \()?(\w+)\)? +[+-]\S+ .*?(\S+) to (\S+) ", printed, re.MULTILINE
+    )
+    found = {name: (float(low), float(high)) for name, low, high in rows}
     assert found.keys() == given.keys()
     assert all(low <= given[name] <= high for name, (low, high) in found.items())
