@@ -1,9 +1,12 @@
 """Draw the pictures of the documents from the shipped data.
 
-`python docs/pictures.py [NAME ...]` writes docs/pictures/: the cascade, the terminal, figures that
-a command writes, and a photograph of the page of a campaign by Chromium. `sources.json` holds the
-data behind each picture; a test compares them with the present results.
+`python docs/pictures.py [NAME ...]` writes docs/pictures/: the cascade, the terminal, the drawings
+of `drawings.py`, figures that a command writes, and photographs of reports by Chromium, also of
+those that the tutorial writes. `sources.json` holds the data behind each picture; a test compares
+them with the present results.
 """
+
+from __future__ import annotations
 
 import json
 import re
@@ -11,11 +14,14 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import tomllib
 from collections.abc import Callable, Sequence
 from functools import cache
 from html import escape
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import drawings
 
 ROOT = Path(__file__).parent.parent
 PICTURES = Path(__file__).parent / "pictures"
@@ -238,7 +244,8 @@ def at_sea(record: Any) -> Source:
 LOG_FIGURES = f"winchcascade reduce {LOG} --json log.json --figures figures"
 CAMPAIGN_PAGE = "winchcascade batch fixtures/campaign --out results"
 DIAGNOSIS_FIGURES = (
-    "winchcascade diagnose fixtures/campaign --json diagnosis.json --figures figures"
+    "winchcascade diagnose fixtures/campaign --html diagnosis.html --json diagnosis.json "
+    "--figures figures"
 )
 DESIGN_FIGURES = (
     "winchcascade design fixtures/campaign --current-limit 11 --json design.json --figures figures"
@@ -257,6 +264,8 @@ WRITTEN = {
     "campaign.png": Written(
         CAMPAIGN_PAGE, "results/campaign.json", of_campaign, "results/campaign.html"
     ),
+    "diagnosis.png": Written(DIAGNOSIS_FIGURES, "diagnosis.json", diagnosed, "diagnosis.html"),
+    "report.png": Written(DIAGNOSIS_FIGURES, "diagnosis.json", diagnosed, "diagnosis.html"),
     "map.svg": Written(DIAGNOSIS_FIGURES, "diagnosis.json", diagnosed, "figures/diagnosis_map.svg"),
     "waterfall.svg": Written(
         DIAGNOSIS_FIGURES, "diagnosis.json", diagnosed, "figures/diagnosis_waterfall.svg"
@@ -265,6 +274,60 @@ WRITTEN = {
     "sea.svg": Written(SEA_FIGURES, "sea.json", at_sea, "figures/sea_power.svg"),
     "loss_map.svg": Written(BENCH_FIGURES, "dyno_loss.json", mapped, "figures/dyno_loss-heat.svg"),
 }
+
+
+class Followed(NamedTuple):
+    """A photograph of a report that the tutorial writes: its file, the data taken of the folder in
+    which the tutorial was followed, and the height of the photograph [px].
+    """
+
+    file: str
+    data: Callable[[Path], Source]
+    height: int
+
+
+def recorded(file: str, data: Callable[[Any], Source]) -> Callable[[Path], Source]:
+    """Data taken of a JSON file in a folder."""
+    return lambda place: data(json.loads((place / file).read_text(encoding="utf-8")))
+
+
+def calibrated(place: Path) -> Source:
+    """Numbers of the calibrated rig file of the tutorial."""
+    rig = tomllib.loads((place / "testday/calibrated.toml").read_text(encoding="utf-8"))
+    return {
+        key: _rounded(number["value"])
+        for part in rig.values()
+        if isinstance(part, dict)
+        for key, number in part.items()
+        if isinstance(number, dict) and "calibrated" in number
+    }
+
+
+TUTORIAL = ROOT / "docs" / "first_hour.md"
+
+FOLLOWED = {
+    "tutorial_log.png": Followed(
+        "lauf2.html", recorded("results/runs/lauf2_40ohm.csv.json", reduced), 900
+    ),
+    "tutorial_calibration.png": Followed("calibration.html", calibrated, 900),
+    "tutorial_campaign.png": Followed(
+        "results/campaign.html", recorded("results/campaign.json", of_campaign), 900
+    ),
+    "tutorial_diagnosis.png": Followed(
+        "results/diagnosis.html", recorded("diagnosis.json", diagnosed), 900
+    ),
+}
+
+
+@cache
+def tutorial() -> Path:
+    """Folder in which the tutorial has been followed from its first to its last command."""
+    sys.path.insert(0, str(ROOT / "tests"))
+    import pages
+
+    place = Path(tempfile.mkdtemp())
+    pages.follow(TUTORIAL, pages.place_of(TUTORIAL, place))
+    return place
 
 
 @cache
@@ -291,19 +354,53 @@ def source_of(written: Written) -> Source:
     )
 
 
-def drawing_of(written: Written) -> str | bytes:
+HEIGHTS = {"diagnosis.png": 540, "report.png": 1560}
+"""Heights of photographs that show less or more of a page than the first screen. [px]"""
+
+
+def drawing_of(name: str) -> str | bytes:
     """The picture that a command writes: a figure on white paper, or a photograph of a page."""
-    file = done(written.command) / written.file
+    file = done(WRITTEN[name].command) / WRITTEN[name].file
     if file.suffix == ".html":
-        return photograph(file)
+        marks = MARKS if name == "report.png" else ()
+        return photograph(file, height=HEIGHTS.get(name, 1200), marks=marks)
     svg = file.read_text(encoding="utf-8")
     svg = svg[svg.index("<svg") :]
     begin = svg.index(">") + 1
     return f'{svg[:begin]}<rect width="100%" height="100%" fill="{PAPER}"/>{svg[begin:]}'
 
 
-def photograph(page: Path) -> bytes:
-    """The first screen of a page."""
+Marks = Sequence[tuple[str, str]]
+"""Numbers on a page, and the selector of the element that each stands at."""
+
+MARKS: Marks = (
+    ("1", "aside.banner"), ("2", "main header"), ("3", ".tiles li:nth-child(1)"), ("4", ".tiles li:nth-child(2)"),
+    ("5", ".tiles li:nth-child(3)"), ("6", "#summary figure"), ("7", ".points"), ("8", "#causes"),
+    ("9", "#next"), ("10", "#costs"), ("11", "details"), ("12", "nav ul"),
+)  # fmt: skip
+"""Places of the page of a diagnosis that the annotated report explains."""
+
+BADGES = """
+for (const [number, place] of MARKS) {
+  const box = document.querySelector(place).getBoundingClientRect();
+  const badge = document.createElement("b");
+  badge.textContent = number;
+  badge.style = `position:absolute;left:${Math.min(box.right - 13, innerWidth - 28)}px;top:${box.top + 4}px;` +
+    "width:26px;line-height:26px;border-radius:13px;background:#b8432f;color:white;" +
+    "text-align:center;font-size:15px;z-index:9";
+  document.body.append(badge);
+}
+"""
+"""Script that puts the numbers on a page before it is photographed."""
+
+COLOURS_OF_A_PHOTOGRAPH = 128
+"""Number of colours of a photograph: a page has few, and the file is a fourth of the size."""
+
+
+def photograph(page: Path, *, height: int = 1200, marks: Marks = ()) -> bytes:
+    """The first screen of a page, with numbers at some of its places."""
+    from PIL import Image
+
     browser = next(
         filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
     )
@@ -311,30 +408,50 @@ def photograph(page: Path) -> bytes:
         raise SystemExit(
             f"{page.name}: expected Chromium on the path; install it, or name the other pictures."
         )
+    if marks:
+        script = BADGES.replace("MARKS", json.dumps(list(marks)))
+        text = page.read_text(encoding="utf-8")
+        page = page.with_stem(f"{page.stem}_marked")
+        page.write_text(
+            text.replace("</body>", f"<script>{script}</script></body>"), encoding="utf-8"
+        )
     picture = page.with_suffix(".png")
     subprocess.run(
-        [browser, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--window-size=1180,1200",
+        [browser, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", f"--window-size=1180,{height}",
          f"--screenshot={picture}", page.as_uri()],
         check=True, capture_output=True, timeout=120,
     )  # fmt: skip
+    Image.open(picture).convert("RGB").quantize(COLOURS_OF_A_PHOTOGRAPH).save(
+        picture, optimize=True
+    )
     return picture.read_bytes()
 
 
 DRAWN: dict[str, tuple[Callable[[], Source], Callable[[Source], str]]] = {
     "cascade.svg": (cascade_source, cascade),
     "terminal.svg": (terminal_source, terminal),
+    **drawings.DRAWN,
 }
 """Pictures that are drawn here: their data, and how they are drawn of them."""
 
 
+NAMES = (*DRAWN, *WRITTEN, *FOLLOWED)
+
+
 def data_of(name: str) -> Source:
     """The present data behind a picture."""
+    if name in FOLLOWED:
+        return FOLLOWED[name].data(tutorial())
     return source_of(WRITTEN[name]) if name in WRITTEN else DRAWN[name][0]()
 
 
 def picture_of(name: str, data: Source) -> str | bytes:
     """A picture of some data."""
-    return drawing_of(WRITTEN[name]) if name in WRITTEN else DRAWN[name][1](data)
+    if name in FOLLOWED:
+        return photograph(tutorial() / FOLLOWED[name].file, height=FOLLOWED[name].height)
+    if name in WRITTEN:
+        return drawing_of(name)
+    return DRAWN[name][1](data)
 
 
 def draw(names: Sequence[str]) -> None:
@@ -344,12 +461,10 @@ def draw(names: Sequence[str]) -> None:
         stored[name] = data_of(name)
         content = picture_of(name, stored[name])
         (PICTURES / name).write_bytes(content.encode() if isinstance(content, str) else content)
-    text = json.dumps(
-        {name: stored[name] for name in sorted({*DRAWN, *WRITTEN})}, indent=1, ensure_ascii=False
-    )
-    SOURCES.write_text(f"{text}\n", encoding="utf-8")
+    kept = {name: stored[name] for name in sorted(NAMES) if name in stored}
+    SOURCES.write_text(f"{json.dumps(kept, indent=1, ensure_ascii=False)}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))
-    draw(sys.argv[1:] or [*DRAWN, *WRITTEN])
+    draw(sys.argv[1:] or NAMES)

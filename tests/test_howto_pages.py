@@ -20,8 +20,8 @@ def printed(page: str, command: str) -> str:
 
 
 def interval(text: str, row: str) -> tuple[float, float]:
-    """Interval in the only row that begins with a cell."""
-    (line,) = re.findall(rf"^{re.escape(row)}  .*$", text, re.MULTILINE)
+    """Interval in the only row that begins with a cell, or with a label and the cell in brackets."""
+    (line,) = re.findall(rf"^(?:[^()\n]* \()?{re.escape(row)}\)?  .*$", text, re.MULTILINE)
     low, high = re.search(rf"({NUMBER}) to ({NUMBER})", line).groups()  # type: ignore[union-attr]
     return float(low), float(high)
 

@@ -1,34 +1,24 @@
 """The pages of the method state the numbers that the code uses."""
 
-import math
 import re
 import sys
 from functools import cache
 from typing import get_args
 
-import msgspec
 import numpy as np
 import pytest
+from calls import call
 from pages import DOCS, ROOT, read, shown
 from rigs import scale_of
 
 from winchcascade import baseline, read_run, simulate
 from winchcascade.blind.score import count
-from winchcascade.core import accuracy
 from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.channels import CHANNELS
 from winchcascade.core.machine_parts import measures
-from winchcascade.core.phase_rule import PhaseRule
-from winchcascade.core.rig_file import PARTS, ModelAccuracy, Thresholds
+from winchcascade.core.rig_file import PARTS
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import FindingKind
-from winchcascade.core.toml_file import struct_fields
-from winchcascade.diagnosis import verdict_limits
-from winchcascade.diagnosis.fit import nuisances
-from winchcascade.diagnosis.judge import closure
-from winchcascade.ingest.checks import agreement, faults, lost_rows, samples, sensors, witnesses
-from winchcascade.reduction import efficiency_between_runs as between_runs
-from winchcascade.reduction import efficiency_changes, energies, gap_error, phases, wave_bootstrap
-from winchcascade.reduction.checks import at_rest, bounds, cycles, load, phased_log, relations
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.simulate import READ, Simulation
 from winchcascade.rig.steps import COARSE, STEP
@@ -42,84 +32,7 @@ def text_of(page: str, part: str = "") -> str:
     return " ".join(text.split())
 
 
-def stated(page: str) -> dict[str, float]:
-    """What a page writes as `name = number`."""
-    return {
-        name: float(value)
-        for name, value in re.findall(r"`(\w+) = ([\d.e-]+)`", read(DOCS / f"{page}.md"))
-    }
-
-
-def defaults_of(kind: type[msgspec.Struct]) -> dict[str, float]:
-    """Numbers among the settings of a rig file that need not be stated, by their names in the
-    file.
-    """
-    fields = {field.encode_name: field.default for field in struct_fields(kind)}
-    return {name: value for name, value in fields.items() if isinstance(value, float)}
-
-
-def test_the_method_states_every_threshold_of_a_rig_file_with_its_default() -> None:
-    found, paper = stated("method"), built_in().thresholds
-    thresholds = {name: getattr(paper, name) for name in defaults_of(Thresholds)}
-    assert thresholds.keys() <= found.keys()
-    assert found.items() <= {**defaults_of(PhaseRule), **thresholds}.items()
-
-
 PERCENT = 100.0
-
-RULES = built_in().thresholds
-WIDTH = RULES.smoothing
-"""What the page writes in seconds and metres is of the paper's rig: shares of its thresholds."""
-
-CHECKED = {
-    "`spike`: one to 5 samples": (
-        witnesses.SPIKE_LENGTH_MAX, PERCENT * samples.OF_RANGE, samples.OF_NOISE, PERCENT * faults.AGREE,
-    ),
-    "`spike`: code": (
-        samples.FAR, PERCENT * samples.OF_RANGE * samples.LONGER, PERCENT * faults.ONE_END,
-    ),
-    "`stuck`": (faults.HELD_MIN, math.exp(faults.CERTAIN), RULES.stroke_min * faults.TRAVEL),
-    "`clock_mismatch`: jump": (lost_rows.LARGE[0], lost_rows.MAX_JUMPS),
-    "`clock_mismatch` ": (PERCENT * agreement.UNIT, agreement.GAIN_MAX),
-    "`out_of_range`": (sensors.MIN_REPEATS, PERCENT * agreement.GAIN, agreement.CERTAIN_U),
-    "`load_mismatch`": (accuracy.CERTAIN, PERCENT * load.MISMATCH, load.SAME_NOISE),
-    "`channel_lag`": (accuracy.CERTAIN, WIDTH * relations.SAME_TIME, WIDTH * relations.INERTIA),
-    "`gain_mismatch`": (accuracy.CERTAIN, PERCENT * bounds.POWER, PERCENT * bounds.VOLTAGE),
-    "## Relations": (
-        WIDTH * relations.REACH, 1e3 * WIDTH * relations.UNKNOWN_MACHINE, PERCENT * relations.HOLDS,
-        *(1e3 * WIDTH * law.u for law in relations.LAWS),
-    ),
-    "`zero_offset`": (at_rest.TIME_CONSTANTS, accuracy.CERTAIN),
-    "`gain_step`": (PERCENT * phased_log.REPORTED / 2.0, accuracy.CERTAIN + 1.0),
-    "`dead_channel`": (cycles.OPPOSED,),
-    "`stroke_mismatch`": (PERCENT * accuracy.CERTAIN * cycles.STROKE,),
-    "`coarse_sampling`": (PERCENT * efficiency_changes.REPEATABILITY,),
-    "`coarse_resolution`": (PERCENT * phased_log.REPORTED,),
-    "## Irregular waves": (wave_bootstrap.BOOTSTRAP["draws"], wave_bootstrap.MIN_WAVES),
-    "## Net energies": (PERCENT * energies.NET_TRAVEL_MAX,),
-    "## Efficiencies that change": (
-        efficiency_changes.MOVES, 1.0 / efficiency_changes.ALPHA, PERCENT * efficiency_changes.REPEATABILITY,
-        PERCENT * between_runs.ETA_SCATTER, between_runs.ETA_DISTANCE_MIN,
-    ),
-    "## Phases": (phases.PEAK_OF_NOISE, phases.OVERTAKEN, WIDTH * phases.REST),
-    "## Incomplete cycles": (
-        WIDTH * gap_error.INSTANT_REACH, PERCENT * gap_error.WHOLE_RECORD, PERCENT * gap_error.WHOLE_ENERGY,
-    ),
-}  # fmt: skip
-"""Constants of each row or part of the page on the method, in the unit in which it states them."""
-
-
-@pytest.mark.parametrize("place", CHECKED)
-def test_the_method_states_the_constants_of_each_check(place: str) -> None:
-    text = read(DOCS / "method.md").split(place, 1)[1]
-    text = re.split(
-        r"^## " if place.startswith("#") else r"\n", text, maxsplit=1, flags=re.MULTILINE
-    )[0]
-    written = {
-        float(number) for number in re.findall(r"\d+(?:\.\d+)?(?:e-?\d+)?", f"{place} {text}")
-    }
-    for constant in CHECKED[place]:
-        assert any(math.isclose(constant, number, rel_tol=1e-9) for number in written), constant
 
 
 def test_the_checks_of_the_method_are_kinds_of_findings() -> None:
@@ -134,17 +47,18 @@ def test_what_is_not_distinguished_are_effects_and_numbers_of_a_rig_file() -> No
     )
 
 
-def test_every_limit_of_a_verdict_is_stated_with_its_value() -> None:
-    limits = {name: value for name, value in vars(verdict_limits).items() if name.isupper()}
-    assert stated("how_a_diagnosis_works") == limits
+OF_RESULTS = {"u", "z", "low", "high", "hs_m", "tp_s"}
+"""Keys of a number of the rig file, of the map of a gap, of an interval and of a sea."""
 
 
-def test_what_a_diagnosis_allows_of_model_and_rig_is_stated() -> None:
-    text = text_of("how_a_diagnosis_works", "What is compared")
-    assert all(f"|{share:g}|" in text for share, _, _ in nuisances.ABSENT.values())
-    assert all(f"{PERCENT * share:g} %" in text for share in nuisances.OF_THE_MODEL.values())
-    assert f"{PERCENT * ModelAccuracy().discrepancy:g} %" in text
-    assert f"{closure.DRAWS} times" in text_of("how_a_diagnosis_works", "Numbers")
+def test_the_symbols_of_the_glossary_are_names_in_files() -> None:
+    table = read(DOCS / "glossary.md").split("## Symbols")[1].split("\n## ")[0]
+    named = re.findall(r"^\| [^|]+ \| ([^|]+) \|", table, re.MULTILINE)
+    log = ROOT / "fixtures" / "campaign" / "r36ohm.csv"
+    printed = call("reduce", log, "--json", "-").out
+    numbers = {name for part in PARTS.values() for name in measures(part)} | CHANNELS.keys()
+    for name in re.findall(r"`(\w+)`", " ".join(named)):
+        assert name in numbers | OF_RESULTS or f'"{name}"' in printed, name
 
 
 def test_the_allowance_of_an_audit_follows_from_the_printed_deviations() -> None:
@@ -233,10 +147,9 @@ def test_the_added_effects_are_found_with_the_numbers_that_were_simulated() -> N
     )
     given |= {name: float(factor) * given[name] for name, factor in shown_by}
     (printed,) = shown(page).values()
-    found = {
-        row[0]: (float(row[3]), float(row[5]))
-        for row in map(str.split, printed.splitlines())
-        if row[0] in given
-    }
+    rows = re.findall(
+        r"^(?:[^()\n]* \()?(\w+)\)? +[+-]\S+ .*?(\S+) to (\S+) ", printed, re.MULTILINE
+    )
+    found = {name: (float(low), float(high)) for name, low, high in rows}
     assert found.keys() == given.keys()
     assert all(low <= given[name] <= high for name, (low, high) in found.items())

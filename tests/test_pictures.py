@@ -4,9 +4,10 @@ compared, never pixels.
 `python docs/pictures.py` draws them again.
 """
 
-import importlib.util
+import importlib
 import json
 import re
+import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -18,12 +19,11 @@ MAX_SIZE = 1_500_000
 
 
 def drawer() -> ModuleType:
-    about = importlib.util.spec_from_file_location("pictures", DOCS / "pictures.py")
-    assert about is not None
-    assert about.loader is not None
-    module = importlib.util.module_from_spec(about)
-    about.loader.exec_module(module)
-    return module
+    sys.path.insert(0, str(DOCS))
+    try:
+        return importlib.import_module("pictures")
+    finally:
+        sys.path.remove(str(DOCS))
 
 
 PICTURES = drawer()
@@ -32,7 +32,7 @@ THERE = {path.name for path in PICTURES.PICTURES.iterdir()} - {"sources.json"}
 
 
 def picture(name: str) -> object:
-    return pytest.param(name, marks=[pytest.mark.slow] if name in PICTURES.WRITTEN else [])
+    return pytest.param(name, marks=[] if name in PICTURES.DRAWN else [pytest.mark.slow])
 
 
 @pytest.mark.parametrize("name", [picture(name) for name in sorted(THERE)])
@@ -45,20 +45,27 @@ def test_a_picture_shows_the_present_data(name: str) -> None:
         assert read(PICTURES.PICTURES / name) == drawn, f"python docs/pictures.py {name}"
 
 
-def test_every_picture_is_shown_in_the_gallery_with_its_command_and_all_are_small() -> None:
-    gallery = DOCS / "gallery.md"
-    assert set(re.findall(r"!\[[^\]]+\]\(pictures/([\w.]+)\)", read(gallery))) == THERE - {
-        "cascade.svg"
-    }
-    assert THERE == {*PICTURES.DRAWN, *PICTURES.WRITTEN} == set(STORED)
-    shown = {
+def test_every_picture_is_shown_on_a_page_and_all_are_small() -> None:
+    pages = [*DOCS.glob("*.md"), ROOT / "README.md"]
+    pictures = re.compile(r"!\[[^\]]+\]\((?:docs/)?pictures/([\w.]+)\)")
+    assert {name for page in pages for name in pictures.findall(read(page))} == THERE
+    assert THERE == set(PICTURES.NAMES) == set(STORED)
+    assert sum(path.stat().st_size for path in PICTURES.PICTURES.iterdir()) <= MAX_SIZE
+
+
+def test_the_gallery_has_the_command_of_each_picture_that_one_command_writes() -> None:
+    given = {
         line
-        for step in steps(gallery)
+        for step in steps(DOCS / "gallery.md")
         if step.kind in ("sh", "bash")
         for line in step.text.splitlines()
     }
-    assert {re.sub(r" --json \S+", "", one.command) for one in PICTURES.WRITTEN.values()} == shown
-    assert sum(path.stat().st_size for path in PICTURES.PICTURES.iterdir()) <= MAX_SIZE
+    assert {re.sub(r" --json \S+", "", one.command) for one in PICTURES.WRITTEN.values()} == given
+
+
+def test_the_tutorial_shows_what_it_writes() -> None:
+    tutorial = read(PICTURES.TUTORIAL)
+    assert all(f"](pictures/{name})" in tutorial for name in PICTURES.FOLLOWED)
 
 
 def test_the_gallery_prints_what_it_shows(tmp_path: Path) -> None:
@@ -75,5 +82,7 @@ def test_drawings_need_no_other_file() -> None:
         assert text.startswith("<svg ")
 
 
-def test_the_readme_shows_the_cascade() -> None:
-    assert "](docs/pictures/cascade.svg)" in read(ROOT / "README.md")
+def test_the_readme_begins_with_a_result_and_shows_the_cascade() -> None:
+    readme = read(ROOT / "README.md")
+    assert readme.index("](docs/pictures/diagnosis.png)") < readme.index("make demo")
+    assert "](docs/pictures/cascade.svg)" in readme

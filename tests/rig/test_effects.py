@@ -33,7 +33,7 @@ from winchcascade.rig.simulate import READ, Simulation, simulate
 ROOT = Path(__file__).parent.parent.parent
 
 UPSTREAM_OF_GENERATOR = "vdc idc torque force", "pressure"
-ON_THE_FAST_SHAFT = "torque force", "pressure"
+ON_THE_HIGH_SPEED_SHAFT = "torque force", "pressure"
 AT_THE_LINE = "force", "pressure torque vdc idc"
 IN_THE_GAS = "pressure force", "torque vdc idc"
 WITHOUT_GAS = "force", "torque vdc idc"
@@ -47,12 +47,12 @@ CONTRACT = {
     "sync_inductance": ("generator", "l_s_change", "relative", *UPSTREAM_OF_GENERATOR),
     "diode_drop": ("generator", "v_d_extra", "V", *UPSTREAM_OF_GENERATOR),
     "load_drift": ("generator", "r_load_change", "relative", *UPSTREAM_OF_GENERATOR),
-    "gear_mesh_loss": ("gearbox", "efficiency_change", "absolute", *ON_THE_FAST_SHAFT),
-    "rotor_viscous": ("gearbox", "b_extra", "N.m.s/rad", *ON_THE_FAST_SHAFT),
-    "rotor_windage": ("gearbox", "c_extra", "N.m.s2/rad2", *ON_THE_FAST_SHAFT),
-    "rotor_friction": ("gearbox", "torque", "N.m", *ON_THE_FAST_SHAFT),
-    "rotor_inertia": ("gearbox", "j_change", "relative", *ON_THE_FAST_SHAFT),
-    "clutch_drag": ("gearbox", "torque", "N.m", *ON_THE_FAST_SHAFT),
+    "gear_mesh_loss": ("gearbox", "efficiency_change", "absolute", *ON_THE_HIGH_SPEED_SHAFT),
+    "rotor_viscous": ("gearbox", "b_extra", "N.m.s/rad", *ON_THE_HIGH_SPEED_SHAFT),
+    "rotor_windage": ("gearbox", "c_extra", "N.m.s2/rad2", *ON_THE_HIGH_SPEED_SHAFT),
+    "rotor_friction": ("gearbox", "torque", "N.m", *ON_THE_HIGH_SPEED_SHAFT),
+    "rotor_inertia": ("gearbox", "j_change", "relative", *ON_THE_HIGH_SPEED_SHAFT),
+    "clutch_drag": ("gearbox", "torque", "N.m", *ON_THE_HIGH_SPEED_SHAFT),
     "line_friction": ("transmission", "torque", "N.m, at the drum", *AT_THE_LINE),
     "line_drag": ("transmission", "b", "N.m.s/rad, at the drum", *AT_THE_LINE),
     "load_proportional_loss": ("transmission", "share", "relative", *AT_THE_LINE),

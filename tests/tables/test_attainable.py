@@ -284,7 +284,7 @@ def test_the_command_adds_the_physics_and_rejects_a_rig_without_a_model(tmp_path
     )
     assert "physics" not in json.loads(call("audit", path, "--json", "-").out)
     below = call("audit", off, "--physics")
-    assert (below.code, "1 of 1 rows below what the rig can reach" in below.out) == (1, True)
+    assert (below.code, "1 of 1 rows below what the rig can attain" in below.out) == (1, True)
     unmodelled, unused = (
         call("audit", path, "--physics", "--rig", "kitepower"),
         call("audit", path, "--rig", "hsu2026"),

@@ -34,7 +34,7 @@ FAULT_LENGTH = 160
 
 _DATE = re.compile(r"(20\d\d)\D?(\d\d)\D?(\d\d)(?:\D{0,2}(\d\d)\D?(\d\d)(?:\D?(\d\d))?)?")
 _HEAD = """\
-# Drafted by winchcascade init. A line behind # is not certain: check it, fill it in, and remove the #.
+# Drafted by winchcascade init. Lines that start with # are guesses: check each, fill it in, and remove the #.
 title = {title}
 rig = {rig}
 # measured = true  # true: measured; false: simulated or rebuilt

@@ -68,7 +68,7 @@ PLACES = {
 """Where the numbers of each part of a rig are found."""
 
 _HEAD = """\
-# Drafted by winchcascade init. A line behind # is not certain or not known: check it, fill it in, and remove the #.
+# Drafted by winchcascade init. Lines that start with # are guesses or placeholders: check each, fill it in, and remove the #.
 name = {name}
 """
 

@@ -49,7 +49,7 @@ its heat away. [s]
 """
 
 _TURN, _SLIP = 1.0, 0.02
-"""Speeds within which friction of the fast shaft changes its sign, and in which the drag of a
+"""Speeds within which friction of the high-speed shaft changes its sign, and in which the drag of a
 clutch is reached. [rad/s]
 """
 
@@ -64,7 +64,7 @@ class Drive(NamedTuple):
     Parameters
     ----------
     load : resistance at the DC link [ohm]
-    rotor_windage, rotor_friction : drag on the fast shaft beside the damper [N m s2/rad2, N m]
+    rotor_windage, rotor_friction : further drag on the high-speed shaft [N m s2/rad2, N m]
     law, knee, width, power : of the roll-off [one of `KNEE`, `LINE`, `BELL`; A, A or 1/A, 1]
     warming : rise of the load with the heat in it [1/J]
     leaking_link : current across the DC link before the sensor at 300 V [A]
@@ -392,7 +392,7 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int) -> tuple[Si
             mean_dc += (charge - dt * mean_dc) / _FADE
             angle = (angle + turn * dt) % (2.0 * math.pi)
             brake = energy / (omega * dt) if omega > 1e-6 else 0.0
-            # fast shaft
+            # high-speed shaft
             dry = d.rotor_friction * omega / math.sqrt(omega**2 + _TURN**2)
             drag = omega * (c.b_rotor + d.rotor_windage * abs(omega)) + dry
             loaded = (

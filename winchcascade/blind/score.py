@@ -55,9 +55,9 @@ OUTCOMES: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "silent": ("silent: no gap seen", "silent", HIDDEN),
     "abstained": ("abstained: gap unexplained", "abstained", HIDDEN),
     "false_alarms": ("false alarms with nothing injected", "false_alarm", ("none",)),
-    "outsiders_recognised": ("outsiders recognised", "recognised", ("outsider",)),
-    "outsiders_silent": ("outsiders not seen", "silent", ("outsider",)),
-    "outsiders_mistaken": ("outsiders taken for effects", "mistaken", ("outsider",)),
+    "outsiders_recognised": ("unmodelled causes recognised", "recognised", ("outsider",)),
+    "outsiders_silent": ("unmodelled causes not found", "silent", ("outsider",)),
+    "outsiders_mistaken": ("unmodelled causes taken for effects", "mistaken", ("outsider",)),
 }
 """What is counted, by its name in JSON: words, outcome and kinds of cases."""
 

@@ -32,7 +32,7 @@ class Numbers(NamedTuple):
     ----------
     k_e : line to line, rms, over the speed; Sec. 4.2 [V/rpm]
     r_s, l_s : of a phase [ohm, H]
-    b_rotor : damper on the fast shaft, Sec. 4.2 [N m s/rad]
+    b_rotor : viscous loss of the high-speed shaft, Sec. 4.2 [N m s/rad]
     p_gas : absolute pressure at zero payout; Sec. 3.1 has 20.5 kg/cm2 gauge [Pa]
     area : of the piston [m2]
     v_gas : at zero payout [m3]

@@ -138,7 +138,7 @@ def calibrate_command(
     sheet: str | None = None,
     outputs: Outputs = NO_OUTPUTS,
 ) -> None:
-    """Calibrate a rig by a run in open circuit: back-EMF constant, damper and screw friction,
+    """Calibrate a rig by a run in open circuit: back-EMF constant, viscous loss, screw friction,
     with their uncertainty.
     """
     one_thread_each()

@@ -36,7 +36,7 @@ def check_command(
     """Compare results with a published table, cell by cell. The exit code is 1 if a cell does not
     agree.
 
-    A cell agrees if the difference is within the sum of rounding, largest deviation of the cycles
+    A cell agrees if the difference is within the sum of rounding, maximum deviation of the cycles
     and two standard uncertainties of the sensors. With --same-logs, rounding alone is allowed.
     """
     from winchcascade.batch.results import check_results, input_files, load_results
@@ -106,7 +106,7 @@ def audit_command(
     """Check a published table and its text for contradictions, without any log. The exit code is 1
     if there is one.
 
-    With --physics, the result lists the efficiencies that the model of the rig can reach, and the
+    With --physics, the result lists the efficiencies that the model of the rig can attain, and the
     effects that could explain a difference.
     """
     from winchcascade.report.results.audit_record import audit_record

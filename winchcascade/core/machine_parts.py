@@ -130,7 +130,7 @@ class Restoring(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Drivetrain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Clutch, shaft, gear and fast shaft between drum and generator.
+    """Clutch, shaft, gear and high-speed shaft between drum and generator.
 
     With the gear ratio 1 the machine is on the shaft of the drum. `one_way_clutch` is None where
     the file does not state it: the model then has one, and bins hold whole payouts.

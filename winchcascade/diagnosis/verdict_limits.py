@@ -6,42 +6,39 @@ stated as assumed. Constants that only steer a computation stand beside it.
 
 # ------------------------------------------------------------------------- which causes are named
 CLEARLY = 5.0
-"""A further cause must bring so much more evidence, its price paid: very strong by Kass and Raftery
-(1995), odds of a hundred and fifty to one."""
+"""Evidence that a further cause must bring beyond its price. This is very strong evidence by Kass
+and Raftery (1995): odds of a hundred and fifty to one."""
 
 AS_GOOD = 3.0
-"""Evidence by which a set may fall short of the best and still be an alternative: odds of twenty
-to one.
-"""
+"""Evidence by which a set may fall short of the best one and still be an alternative: odds of
+twenty to one."""
 
 UNCONFUSED = 0.1
-"""Two suspects of one class of look-alikes explain each other if one in place of the other loses
-less than this share of what that explains: the exact form of neither is known so well. [1]"""
+"""Share of what a suspect explains that may be lost if another one of its class of look-alikes
+replaces it, for the two to count as look-alikes. The exact form of neither is known so well. [1]"""
 
 LAW = 0.01
-"""No rig follows the law of an effect exactly: minimum standard uncertainty of what an effect does,
-as a share of it. Assumed; about the scatter of twins that follow laws of their own."""
+"""Minimum standard uncertainty of what an effect does, as a share of it, because no rig follows the
+law of an effect exactly. Assumed; it is about the scatter of twins that follow laws of their
+own."""
 
 RARER = 3.0
-"""Logarithm of the odds by which an effect of the rig is more likely than a given wrong entry, data
-apart: 20 to 1. Most entries of a rig file are right, while every rig has effects that its model
-lacks. A wrong entry that takes the place of two effects still has more evidence, as it saves the
-price of one."""
+"""Logarithm of the odds by which an effect of the rig is more likely than a given wrong entry
+before the logs are seen: 20 to 1. Most entries of a rig file are right, while every rig has effects
+that its model lacks. A wrong entry that replaces two effects still has more evidence, because it
+saves the price of one."""
 
 AGREES = 0.03
-"""A load is no suspect where Vdc over Idc deviates from it by less: more than gains and warm
-resistors do. [1]
-"""
+"""Share by which Vdc over Idc may deviate from a stated load before the load becomes a suspect. It
+is more than gains and warm resistors change. [1]"""
 
 MIN_RUNS = 3
-"""Minimum number of runs of which a change from run to run is suspected: of two, any difference
-is one.
-"""
+"""Minimum number of runs in which a change from run to run is looked for. Of two runs, any
+difference would be one."""
 
 CHANCE = 1e-3
-"""Trends and scatters are reported if runs that agree would show one as large, of any cause,
-with a smaller probability.
-"""
+"""Probability below which a trend or scatter of a cause is reported: that runs which agree would
+show one as large by chance, for any cause."""
 
 # ---------------------------------------------------------------- what a residual says of the fit
 REACH = 3.0
@@ -50,9 +47,8 @@ close the gap.
 """
 
 MIN_EXCESS = 0.2
-"""Minimum excess over noise of a gap before, on average over channels and logs and in squares of
-noise, to be closed.
-"""
+"""Minimum excess of a gap over noise for a closure to be stated: the mean over channels and logs
+before the correction, in squares of the noise. [1]"""
 
 ROUGH = 2.5
 """Root mean square of whitened blocks of a stage without a model, beyond which they contain a
@@ -77,18 +73,17 @@ UNSTEADY = 4.5
 beyond which something varies that the model lacks: an eccentric drum, teeth."""
 
 PULLED = 5.0
-"""Maximum magnitude of a nuisance, in its tolerances, that counts as within tolerance."""
+"""Maximum deviation of a nuisance from its stated value, in its standard uncertainties, that raises
+no alarm."""
 
 WORSE = 1.5
-"""Root of the mean square by which a held-out prediction makes a channel worse, over that of its
-noise, beyond which it counts; the largest of 65 right models is 1.4. [1]
-"""
+"""Root of the increase of the mean square of a channel on held-out logs, over that of its noise,
+beyond which the prediction counts as worse; the largest of 65 right models is 1.4. [1]"""
 
 # ------------------------------------------------- what contradicts a fit that leaves no residual
 FALSE_ALARM = 0.01
-"""Probability with which the right model leaves any of the energies, or of the efficiencies, of
-a campaign beyond its limit.
-"""
+"""Probability with which the right model has any of the energies, or of the efficiencies, of a
+campaign beyond its limit."""
 
 CANCELLED = 0.2
 """Two causes cancel each other in a channel if both together move it by less than this share of
@@ -106,8 +101,9 @@ imitate. Assumed. [1]
 """
 
 DISPENSABLE = 0.005
-"""Share of the gap that a cause whose number differs from run to run must close, or it is none; and
-by which a smaller set must close more on held-out logs to be preferred. [1]"""
+"""Share of the gap that a cause must close if its number differs from run to run; otherwise it is
+dropped. A smaller set of causes must also close this much more on held-out logs to replace a larger
+one. [1]"""
 
 LIKELY = 0.5
 """Minimum posterior of each cause for a verdict of `explained`: below it, the cause is more
@@ -116,14 +112,17 @@ likely another one. [1]
 
 # ------------------------------------------------------------------------------------ the verdict
 HINTS = 2
-"""Maximum number of hints: effects with some evidence, though less than a cause needs."""
+"""Maximum number of effects that are listed as undecided: they have some evidence, but less than a
+cause needs."""
 
 HALF = 0.5
-"""Share of the gap that must be closed for a structured residual not to make it unexplained."""
+"""Share of the gap that must be closed for the verdict `partly_explained` and not `unexplained`, if
+the residual has a structure."""
 
 MOSTLY = 0.9
-"""Share of the gap that must be closed for a verdict of `explained` while a residual without
-structure remains, and for a cause to be more than a candidate while one remains."""
+"""Share of the gap that must be closed for the verdict `explained` if a residual without structure
+remains. If a structured residual remains, it is the share from which on a name is a cause and not a
+candidate."""
 
 MARGIN = 1.5
-"""Multiple of its limit up to which a sign leaves a cause more than a candidate. [1]"""
+"""Multiple of its limit up to which an alarm leaves a name a cause and not a candidate. [1]"""

@@ -297,7 +297,10 @@ def unlike_motion(runs: Sequence[LogSummary]) -> str:
     if not ends or ends[-1][0] <= (1.0 + SPEED_ALIKE) * ends[0][0]:
         return ""
     speeds = " to ".join(f"{speed:.2f} m/s at {load:g} ohm" for speed, load in (ends[0], ends[-1]))
-    return f"plateau speeds differ, {speeds}; loads are compared at one motion, within {100 * SPEED_ALIKE:g} %"
+    return (
+        f"plateau speeds differ, {speeds}; loads can be ranked only if these agree within "
+        f"{100 * SPEED_ALIKE:g} %"
+    )
 
 
 def rank_loads(runs: Sequence[LogSummary]) -> LoadRanking:
@@ -320,7 +323,7 @@ def rank_loads(runs: Sequence[LogSummary]) -> LoadRanking:
     reason = unlike_motion(given)
     if None in speeds:
         lacking = given[speeds.index(None)].load_ohm
-        reason = f"plateau speed unknown at {lacking:g} ohm; loads are compared at one motion"
+        reason = f"plateau speed unknown at {lacking:g} ohm; loads can be ranked only at one speed"
     if len(set(loads.tolist())) < 2:
         reason = "no two loads have an efficiency with its uncertainty"
     if reason:

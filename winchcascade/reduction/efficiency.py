@@ -155,7 +155,7 @@ def metrics(
 
 class Together(NamedTuple):
     """Metrics of several cycles together: their means (Eq. 7), those of efficiencies of the ratios
-    of the cycles; the largest deviation of any cycle in percent of the mean, None for fewer than
+    of the cycles; the maximum deviation of any cycle in percent of the mean, None for fewer than
     two (Sec. 3.2); and sums, with the ratios of these.
     """
 

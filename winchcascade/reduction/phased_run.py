@@ -283,7 +283,7 @@ def check_lengths(phased: PhasedRun, windows: Sequence[Window]) -> list[Finding]
             f"{max(lengths):.2f} s, and {fits}; give one, or the rule auto or payout."
         )
     action, begin, end = (
-        "those cycles are left out of the mean",
+        "those cycles are excluded from the mean",
         late[0][1].onset,
         late[-1][1].cutoff,
     )

@@ -357,7 +357,7 @@ def _results(
             )
             span = {"start": window.onset, "end": window.cutoff, "removed": rows.stop - rows.start}
             findings.append(
-                Finding("incomplete_cycle", message, "listed, left out of the mean", **span)
+                Finding("incomplete_cycle", message, "listed, excluded from the mean", **span)
             )
         results.append(
             CycleResult(number, window.fault is None, cycle, window, summary, values, net)

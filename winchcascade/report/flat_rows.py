@@ -183,7 +183,7 @@ def table_rows(run: str, record: RunRecord) -> dict[str, list[Row]]:
 
 
 def _flat_run(record: RunRecord) -> Row:
-    """A log in one row: means with their uncertainties, 95 % intervals and largest deviations."""
+    """A log in one row: means with their uncertainties, 95 % intervals and maximum deviations."""
     row: Row = {
         "plateau_speed_mps": record.plateau_speed,
         "sha256": record.log.sha256,

@@ -229,7 +229,7 @@ def dc_voltages(
 
     Parameters
     ----------
-    omega : (n,) speed of the fast shaft [rad/s]
+    omega : (n,) speed of the high-speed shaft [rad/s]
     taken : (n,) current that is taken of the bridge; without one the voltage is the peak of the
         back-EMF [A]
     table : as `bridge_table` gives it
@@ -256,7 +256,7 @@ def back_emfs(
 
     Parameters
     ----------
-    omega : (n,) speed of the fast shaft [rad/s]
+    omega : (n,) speed of the high-speed shaft [rad/s]
     current : (n,) of the bridge; without one the peak of the back-EMF is the voltage of DC link and
         diodes [A]
     """

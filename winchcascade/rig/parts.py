@@ -122,18 +122,18 @@ def _thread(half_angle: float, mu: float, tangent: float) -> float:
 
 
 class DrivetrainModel(NamedTuple):
-    """One-way clutch, shaft spring, gear, and the rotating parts on the fast shaft."""
+    """One-way clutch, shaft spring, gear, and the rotating parts on the high-speed shaft."""
 
     gear: Annotated[float, Number("1", "gear ratio", "gear_ratio")]
     eta_mesh: Annotated[float, Number("1", "mesh efficiency", least=ABOVE_ZERO, most=1.0)]
-    b_rotor: Annotated[float, Number("N.m.s/rad", "viscous damper of the fast shaft")]
+    b_rotor: Annotated[float, Number("N.m.s/rad", "viscous loss of the high-speed shaft")]
     k_shaft: Annotated[float, Number("N.m/rad", "stiffness of the PTO shaft")]
     c_shaft: Annotated[float, Number("N.m.s/rad", "damping of the PTO shaft")]
-    inertia_rotor: Annotated[float, Number("kg.m2", "inertia of the fast shaft")]
+    inertia_rotor: Annotated[float, Number("kg.m2", "inertia of the high-speed shaft")]
     windage: Annotated[
-        float, Number("N.m.s2/rad2", "drag of the fast shaft over its speed squared")
+        float, Number("N.m.s2/rad2", "drag of the high-speed shaft over its speed squared")
     ] = 0.0
-    friction: Annotated[float, Number("N.m", "constant drag of the fast shaft")] = 0.0
+    friction: Annotated[float, Number("N.m", "constant drag of the high-speed shaft")] = 0.0
     clutch_drag: Annotated[
         float, Number("N.m", "torque of the open clutch against the drum in haul-in")
     ] = 0.0

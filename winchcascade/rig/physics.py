@@ -26,7 +26,8 @@ REST = 0.01
 """Friction at the line changes its sign within this share of the top speed of the line. [1]"""
 
 TURN = 0.13
-"""That of the fast shaft does within this share of its speed at the line speed of `REST`. [1]"""
+"""That of the high-speed shaft does within this share of its speed at the line speed of `REST`.
+[1]"""
 
 RPM = 30.0 / math.pi
 """Of a speed in rad/s. [rpm s/rad]"""
@@ -141,19 +142,19 @@ def open_clutch(sign: X, shaft: DrivetrainModel) -> X:
     return -shaft.clutch_drag * 0.5 * (1.0 - sign) * abs(sign)
 
 
-# ------------------------------------------------------------------------------------- fast shaft
+# -------------------------------------------------------------------------------- high-speed shaft
 SHAFT_LOSSES = {
-    "friction": "constant drag of the fast shaft",
-    "damper": "viscous drag of the fast shaft",
-    "windage": "drag of the fast shaft with its speed squared",
+    "friction": "constant drag of the high-speed shaft",
+    "damper": "viscous drag of the high-speed shaft",
+    "windage": "drag of the high-speed shaft with its speed squared",
 }
-"""Losses of the fast shaft, in the order of `shaft_losses`, with what they are."""
+"""Losses of the high-speed shaft, in the order of `shaft_losses`, with what they are."""
 
 
 @law
 def has_dry_friction(shaft: DrivetrainModel) -> bool:
-    """Whether a law of the fast shaft depends on the direction of friction, which takes long to
-    compute.
+    """Whether a law of the high-speed shaft depends on the direction of friction, which takes long
+    to compute.
     """
     return shaft.friction != 0.0 or shaft.coast_drag != 0.0
 
@@ -162,8 +163,8 @@ def has_dry_friction(shaft: DrivetrainModel) -> bool:
 def shaft_losses(
     omega: X, sign: X, turn: float, shaft: DrivetrainModel
 ) -> tuple[tuple[X, X | float], ...]:
-    """Torque against the fast shaft by each of `SHAFT_LOSSES` [N m], with the slope by which it is
-    stepped [N m s/rad].
+    """Torque against the high-speed shaft by each of `SHAFT_LOSSES` [N m], with the slope by which
+    it is stepped [N m s/rad].
 
     Dry friction comes first: it alone may be negative, within the tolerance of a fit.
 
@@ -191,7 +192,7 @@ def total(losses: tuple[tuple[X, X | float], ...]) -> tuple[X, X | float]:
 # -------------------------------------------------------------------------------------- generator
 @law
 def reactance(omega: X, machine: GeneratorModel) -> X:
-    """Reactance of a phase at a speed of the fast shaft. [ohm]"""
+    """Reactance of a phase at a speed of the high-speed shaft. [ohm]"""
     return machine.pole_pairs * omega * machine.l_s
 
 

@@ -219,8 +219,8 @@ def _torque_of_line(model: Model, course: Along, force: Signal, pressure: Signal
 
 
 def _torque_of_shaft(model: Model, course: Along, drive: DriveCourse) -> Signal:
-    """Torque of the PTO shaft that the fast shaft needs, (n,) [N m]; in haul-in that of the open
-    clutch.
+    """Torque of the PTO shaft that the high-speed shaft needs, (n,) [N m]; in haul-in that of the
+    open clutch.
 
     The torque of the machine follows from the power across the air gap: neither k_e nor its
     roll-off enters.

@@ -1,11 +1,11 @@
 """The state of a rig, and one step of it through time: velocity of the line in, tension out.
 
 Loops over a whole motion and solvers of other bodies step a rig by these functions. Each takes a
-state and gives the next one, so that a state can be kept and gone back to. The fast shaft behind
-clutch and shaft spring, the temperature of the gas and the DC link have a state. All are stepped by
-the trapezoidal rule, linearly implicitly (the spring by its stiffness, DC link and machine together
-by the slopes of the bridge, dry friction by its slope), so the error falls with the square of the
-step.
+state and gives the next one, so that a state can be kept and gone back to. The high-speed shaft
+behind clutch and shaft spring, the temperature of the gas and the DC link have a state. All are
+stepped by the trapezoidal rule, linearly implicitly (the spring by its stiffness, DC link and
+machine together by the slopes of the bridge, dry friction by its slope), so the error falls with
+the square of the step.
 
 Numba does not see in the files of the loops that this file has changed: delete the compiled code,
 as for `physics.py`.
@@ -40,8 +40,8 @@ last digit. [1]
 """
 
 MAX_RETURNED = 0.5
-"""Share of the damping of the fast shaft that a negative friction, a deviation of the model within
-its tolerance, may return: the shaft still comes to rest. [1]"""
+"""Share of the damping of the high-speed shaft that a negative friction, a deviation of the model
+within its tolerance, may return: the shaft still comes to rest. [1]"""
 
 FADED = 1e-30
 """A speed or voltage that has decayed to less is zero [rad/s, V]. At rest both would become
@@ -218,12 +218,12 @@ def _turned(
     times: tuple[float, float],
     shaft: DrivetrainModel,
 ) -> tuple[float, float, float]:
-    """Turn the fast shaft by one step, by the trapezoidal rule: torque of the clutch [N m], then
-    twist [rad] and speed [rad/s] at the end of the step.
+    """Turn the high-speed shaft by one step, by the trapezoidal rule: torque of the clutch [N m],
+    then twist [rad] and speed [rad/s] at the end of the step.
 
     Parameters
     ----------
-    speeds : of the fast shaft now and half-way, as predicted, and of the drum half-way [rad/s]
+    speeds : of the high-speed shaft now and half-way (predicted), of the drum half-way [rad/s]
     machine : air-gap torque at the predicted speed [N m], and its slope over the speed [N m s/rad]
     times : the step [s], and the speed within which friction changes its sign [rad/s]
     """
@@ -260,9 +260,9 @@ def _turned(
 
 
 class ShaftState(NamedTuple):
-    """State of the generator's side: speed of the fast shaft and that of the step before [rad/s],
-    twist of the shaft spring [rad], DC voltage [V], and the stator current that is expected next
-    and that of the step before [A].
+    """State of the generator's side: speed of the high-speed shaft and that of the step before
+    [rad/s], twist of the shaft spring [rad], DC voltage [V], and the stator current that is
+    expected next and that of the step before [A].
     """
 
     omega: float = 0.0

@@ -95,7 +95,7 @@ def scheduled(rows: Sequence[tuple[float, float, float]], place: str) -> Control
 
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH)
 def load_at(omega: float, speeds: Signal, loads: Signal) -> float:
-    """Load at a speed of the fast shaft, by straight lines between some speeds, (k,) [rad/s].
+    """Load at a speed of the high-speed shaft, by straight lines between some speeds, (k,) [rad/s].
     [ohm]
     """
     last = k = len(speeds) - 1
@@ -267,8 +267,8 @@ def losses(model: Model, path: SeaPath, out: Signal) -> dict[str, float]:
 
 
 def knots_of(model: Model, control: Control) -> tuple[Signal, Signal]:
-    """Speeds of the fast shaft [rad/s] and resistances at the DC link [ohm] of a control, (k,)
-    each.
+    """Speeds of the high-speed shaft [rad/s] and resistances at the DC link [ohm] of a control,
+    (k,) each.
     """
     return np.array(control.rpm) / RPM, np.array(
         [model.dc_link.resistance(load) for load in control.loads]

@@ -147,7 +147,7 @@ class AttainableRanges(msgspec.Struct, frozen=True):
     printed values.
 
     `not_judged` holds rows that cannot be held against the rig, `notes` say what was assumed.
-    `scatter` is the largest deviation of a cycle's efficiency that counts [1]. `sets` are the
+    `scatter` is the maximum deviation of a cycle's efficiency that counts [1]. `sets` are the
     smallest that bring the whole table within the attainable range at plausible values, best fit
     first; where no set of that size will do, `closest` comes nearest.
     """
@@ -186,7 +186,7 @@ def attainable_ranges(
     Parameters
     ----------
     suspects : effects by name, as a catalogue lists them
-    scatter : largest deviation of a cycle's efficiency from the mean that the table prints or is
+    scatter : maximum deviation of a cycle's efficiency from the mean that the table prints or is
         taken to have [1]
 
     Raises

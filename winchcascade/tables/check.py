@@ -5,7 +5,7 @@ log, or any metric. Cycles that are operating points of a dynamometer are compar
 that repeat one motion by the mean of their cycles.
 
 A cell allows ``|measured - printed| <= rounding + deviation + uncertainty + means``: half a unit of
-its last printed decimal, the largest deviation of the measured cycles from their mean, twice the
+its last printed decimal, the maximum deviation of the measured cycles from their mean, twice the
 standard uncertainty that the sensors leave of the mean, and what the table allows a mean of
 products to differ from the product of means. Of sensors that are calibrated in place, a reader of
 the table knows only the limits of the makers: for the side of the table these count too, in
@@ -605,7 +605,7 @@ def _counted_otherwise(
 ) -> list[str]:
     """Parts of tolerances that do not count as measured: capped by the table, or unknown and 0."""
     beyond: dict[str, list[str]] = {}
-    unknown: dict[str, dict[str, list[str]]] = {"largest deviation": {}, "standard uncertainty": {}}
+    unknown: dict[str, dict[str, list[str]]] = {"maximum deviation": {}, "standard uncertainty": {}}
     for result, name in itertools.product(results, compared):
         metric = table.columns[name].measured
         if result.values.get(metric) is None:
@@ -616,7 +616,7 @@ def _counted_otherwise(
                 f"{name} {deviation:.3g} %, the table {claimed.words}"
             )
         if factors.deviation and deviation is None:
-            unknown["largest deviation"].setdefault(result.name, []).append(name)
+            unknown["maximum deviation"].setdefault(result.name, []).append(name)
         if factors.uncertainty and result.uncertainty.get(metric) is None:
             unknown["standard uncertainty"].setdefault(result.name, []).append(name)
     notes = [

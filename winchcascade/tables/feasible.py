@@ -49,7 +49,7 @@ def mean_of_products(one: float, other: float, cycles: int | None) -> float:
 
     Parameters
     ----------
-    one, other : largest deviations of the two [1]
+    one, other : maximum deviations of the two [1]
     cycles : their number N; None takes the larger bound, that of even N
 
     Examples
@@ -64,7 +64,7 @@ class Repeatability(msgspec.Struct, frozen=True):
     """Bounds of the deviations of the cycles behind a table, as the table prints them or as
     assumed.
 
-    `energy` and `eta` are the largest deviations of any cycle from the mean, rounding included [1];
+    `energy` and `eta` are the maximum deviations of any cycle from the mean, rounding included [1];
     `basis` describes them in words, `assumed` names what the table does not print.
     """
 

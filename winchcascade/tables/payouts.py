@@ -267,7 +267,7 @@ def attainable_row(
     Parameters
     ----------
     window : of the row [s]; None for the rig's own rule
-    scatter : largest deviation of a cycle's efficiency from the mean, as a share of it [1]
+    scatter : maximum deviation of a cycle's efficiency from the mean, as a share of it [1]
     """
     load = math.inf if row.load is None else row.load
     printed, targets = printed_efficiencies(row), _targets(row)
@@ -301,7 +301,7 @@ def attainable_row(
         )
         by_scatter = (
             value * scatter / math.sqrt(table.cycles or 1)
-        )  # 2 u: the largest deviation counts as two of a cycle
+        )  # 2 u: the maximum deviation counts as two of a cycle
         slack = 0.5 * (span.high - span.low) + by_scatter + OWN
         nominal = middle.metrics[eta] or 0.0
         cells.append(

@@ -305,7 +305,7 @@ class PublishedTable(msgspec.Struct, frozen=True):
     """A published table, whose rows are found by the columns `keys`.
 
     Rows `by_load` are means over `cycles` of one motion: the laws of the cascade hold between them.
-    `deviations` are the largest deviations of a cycle that the source prints [%]. Means of products
+    `deviations` are the maximum deviations of a cycle that the source prints [%]. Means of products
     may differ from products of means by the share `tolerance`, a measured key from a printed one by
     the share `key_share` of the largest printed one. `unread` names cells that hold a text where a
     number was expected. `path` and `csv` are the files of the table, empty for none.

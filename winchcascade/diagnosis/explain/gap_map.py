@@ -351,7 +351,7 @@ def locate(
     residual : (M, 5) measured minus simulated blocks, zeros taken off
     places : the map of the gap
     stage : of its main cause, or the one that deviates by itself, where either is known; else the
-        one of the largest deviation
+        one of the maximum deviation
     own : where it arises stage by stage
     """
     channels = {p.channel for p in places if abs(p.z) > STANDS_OUT and STAGE_OF[p.channel] == stage}

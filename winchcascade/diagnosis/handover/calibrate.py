@@ -1,4 +1,4 @@
-"""Calibrate a rig from an open circuit: back-EMF constant, damper, screw friction, and what is
+"""Calibrate a rig from an open circuit: back-EMF constant, viscous loss, screw friction, what is
 indistinguishable (Sec. 4.2).
 """
 
@@ -44,8 +44,8 @@ FOUND_FROM = {"force": "line tension", "torque": "torque", "pressure": "pressure
 """Channels that they are found from: those before the machine."""
 
 TIED = ("drivetrain", "eta_mesh")
-"""In open circuit the mesh efficiency acts with the damper and the inertia as one quotient: it
-is held to its tolerance.
+"""In open circuit the mesh efficiency acts with the viscous loss and the inertia as one quotient:
+it is held to its tolerance.
 """
 
 MESH_TOLERANCE = 0.01
@@ -121,7 +121,7 @@ class Strain(msgspec.Struct, frozen=True):
 class FittedBlocks(msgspec.Struct, frozen=True):
     """Means over blocks of the log and of the fit: generator speed `rpm` (m,), `phase` (m,) as an
     index of `PHASES`, and of the channels of `CHANNELS`, SI units, `measured` (m, 5), NaN where
-    there is none, and `fitted` (m, 5). `damper` (m,) is the torque that the damper takes, at the
+    there is none, and `fitted` (m, 5). `damper` (m,) is the torque of the viscous loss, at the
     PTO shaft [N m], `displacement` (m,) that of the line, where the rig has no gas [m].
     """
 
@@ -144,7 +144,7 @@ class Calibration(Viewed, frozen=True):
     regression : back-EMF over generator speed
     together : sentences on numbers that an open circuit cannot distinguish
     misfit : mean square of the residuals of force, torque and pressure, in units of their noise;
-        about 1 where damper and screw explain the log [1]
+        about 1 where viscous loss and screw explain the log [1]
     strained : tolerances that the fit exceeds
     settled : the fit converged; its numbers are no result otherwise
     payouts : those that were used, each from its onset to the start of its braking [s]
@@ -175,8 +175,8 @@ def calibrate(
 ) -> Calibration:
     """Calibrate a rig from an open-circuit log (Sec. 4.2).
 
-    The back-EMF constant is a regression on the DC voltage; damper and screw friction follow from
-    line tension, torque and pressure, fitted with everything else that is known to a tolerance
+    The back-EMF constant is a regression on the DC voltage; viscous loss and screw friction follow
+    from line tension, torque and pressure, fitted with everything else that is known to a tolerance
     only: precharge, gas volume, piston area, gains, zeros, dry friction. The start is the rig
     before any calibration, so that the result does not depend on an earlier one.
 

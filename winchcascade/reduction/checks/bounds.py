@@ -106,7 +106,7 @@ def power_of_line(log: PhasedLog) -> Bound | None:
 
 
 def power_of_shaft(log: PhasedLog) -> Bound | None:
-    """P_gen with the losses in mesh, copper, diodes and damper that the rig file states, over
+    """P_gen with the losses in mesh, copper, diodes and viscous loss of the rig file states, over
     P_mech."""
     train, machine, radius = log.rig.drivetrain, log.rig.generator, log.rig.r_drum
     means, per_line = _means(log, "velocity", "torque", "vdc", "idc"), _ratio_of_speeds(log)

@@ -96,7 +96,7 @@ def audit_report(audit: Audit, *, command: str = "") -> Report:
             Tile("Columns", "with another unit, exchanged heads or rows", f"{len(audit.faults)}"),
             *([Tile("Claims", "contradicted", f"{len(audit.contradicted)}", f"of {len(claims)}")] if claims else []),
             *([] if physics is None else
-              [Tile("Efficiencies", "that the rig cannot reach", f"{len(physics.outside)}", f"of {judged}")]),
+              [Tile("Efficiencies", "that the rig cannot attain", f"{len(physics.outside)}", f"of {judged}")]),
         ],
         points=[verdict, *_points(audit)],
         sections=[
@@ -256,7 +256,7 @@ JUDGED: tuple[Column[Judged], ...] = (
 
 
 def attainable_summary(ranges: AttainableRanges) -> str:
-    """How many efficiencies the rig cannot reach."""
+    """How many efficiencies the rig cannot attain."""
     judged, outside = sum(len(row.cells) for row in ranges.rows), len(ranges.outside)
     if judged and outside:
         return f"{outside} of {judged} efficiencies cannot be reached"
@@ -264,11 +264,11 @@ def attainable_summary(ranges: AttainableRanges) -> str:
 
 
 def deviation_words(ranges: AttainableRanges, metric: str) -> str:
-    """How far the table deviates from what the rig can reach in one efficiency."""
+    """How far the table deviates from what the rig can attain in one efficiency."""
     judged = [cell for row in ranges.rows for cell in row.cells if cell.metric == metric]
     gaps = sorted((100.0 * cell.gap for cell in judged if cell.outside), key=abs)
     found = [
-        f"{len(one)} of {len(judged)} rows {side} what the rig can reach, by "
+        f"{len(one)} of {len(judged)} rows {side} what the rig can attain, by "
         f"{_ends([f'{abs(gap):.1f}' for gap in one])} points"
         for side, one in (
             ("above", [gap for gap in gaps if gap > 0]),

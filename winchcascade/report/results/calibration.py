@@ -69,7 +69,7 @@ is 1, and scatters by less than 0.15 over the hundred blocks of a short log. [1]
 WHAT = {
     "k_e": "back-EMF constant",
     "mu_screw": "friction of the screw",
-    "b_rotor": "damper of the fast shaft",
+    "b_rotor": "viscous loss of the high-speed shaft",
 }
 """Numbers that a calibration can find."""
 
@@ -210,7 +210,7 @@ def _against(calibration: Calibration) -> list[Note]:
             f"{most}."
         )
     if not calibration.settled:
-        found.append("The fit did not converge, so damper and friction are no result.")
+        found.append("The fit did not converge, so viscous loss and friction are no result.")
     if calibration.run.findings:
         found.append(
             f"`winchcascade reduce` lists what is wrong with the log "
@@ -250,7 +250,7 @@ def _regression(calibration: Calibration) -> str:
 
 
 def _fit_pictures(calibration: Calibration) -> list[Picture]:
-    """Damper and screw by the blocks of the fit, and the regression of the back-EMF."""
+    """Viscous loss and screw by the blocks of the fit, and the regression of the back-EMF."""
     word, gas = calibration.run.origin.word, calibration.rig.restoring.has_gas
     over = (
         "gas pressure: screw friction makes that of payout and haul-in"
@@ -261,7 +261,7 @@ def _fit_pictures(calibration: Calibration) -> list[Picture]:
         Picture(
             "model-damper",
             "Block means of the log and of the fit. Torque in payout beyond that of a shaft "
-            f"without the damper, over generator speed. Line tension over {over}.",
+            f"without the viscous loss, over generator speed. Line tension over {over}.",
             "Dots along a line through zero, and along the two branches of payout and haul-in.",
             partial(damper_and_screw, calibration.blocks, word=word),
         ),
@@ -333,7 +333,7 @@ KGF_PER_CM2 = 1.0 / 98066.5
 
 
 def damper_and_screw(blocks: FittedBlocks, *, word: str) -> Figure:
-    """Draw the torque of the damper over generator speed, and line tension over gas pressure,
+    """Draw the torque of the viscous loss over generator speed, and line tension over gas pressure,
     without gas over displacement.
     """
     figure, (left, right) = panel_figure(2.8, 1, 2)
@@ -342,7 +342,7 @@ def damper_and_screw(blocks: FittedBlocks, *, word: str) -> Figure:
     taken = blocks.measured[:, torque] - (blocks.fitted[:, torque] - blocks.damper)
     dots(left, blocks.rpm[out], taken[out], COLOURS["ink"])
     left.plot(blocks.rpm[out], blocks.damper[out], color=COLOURS["mech"], lw=0.9)
-    label_panel(left, "a", "Torque that the damper takes, at the PTO shaft", x=SPEED, unit="N·m")
+    label_panel(left, "a", "Torque of the viscous loss, at the PTO shaft", x=SPEED, unit="N·m")
     marks: LineStyle = {"ls": "none", "marker": ".", "ms": 3.0, "mew": 0.0}
     moving = np.isin(blocks.phase, (PAYOUT, HAUL_IN))
     over, label = blocks.fitted[:, pressure] * KGF_PER_CM2, "Gas pressure, gauge (kg/cm²)"

@@ -152,7 +152,7 @@ def budget_table(runs: Sequence[LogSummary], *, linked: bool) -> LogTable:
         *(deviation_column(name, f"dev({short(name)})") for name in overall),
     ]
     note = (
-        "dev: largest deviation of a cycle from the mean. Digits: as the standard uncertainty "
+        "dev: maximum deviation of a cycle from the mean. Digits: as the standard uncertainty "
         "allows."
         if columns
         else ""

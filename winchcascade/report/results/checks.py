@@ -209,7 +209,7 @@ def recipe(check: Check) -> str:
     capped = " (at most that of the table)" if checked.deviations else ""
     named = (
         (factors.rounding, "half a unit of the last decimal"),
-        (factors.deviation, f"largest deviation of the cycles{capped}"),
+        (factors.deviation, f"maximum deviation of the cycles{capped}"),
         (factors.uncertainty, "2 standard uncertainties of the mean by the sensors"),
     )
     texts = [part if factor == 1 else f"{factor:g} x {part}" for factor, part in named if factor]
