@@ -3,8 +3,11 @@ its own.
 """
 
 import math
+import os
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -50,6 +53,23 @@ def campaign(tmp_path: Path) -> Path:
 
 def names(*targets: str | Path) -> list[str]:
     return [work.name for work in make_plan([str(target) for target in targets]).work]
+
+
+def test_a_log_has_one_key_in_every_process(campaign: Path) -> None:
+    code = (
+        "import sys; from winchcascade.batch.plan import make_plan; "
+        "sys.stdout.write(make_plan(sys.argv[1:]).work[0].key)"
+    )
+    keys = {
+        subprocess.run(
+            [sys.executable, "-c", code, str(campaign)],
+            env=os.environ | {"PYTHONHASHSEED": seed},
+            capture_output=True,
+            check=True,
+        ).stdout
+        for seed in ("1", "2")
+    }
+    assert len(keys) == 1
 
 
 def settings_of(work: Work) -> tuple[object, ...]:
