@@ -286,12 +286,9 @@ def _key(work: Work) -> str:
     rig, sheet, _ = options.pop("rig"), options.pop("sheet"), options.pop("parts")
     beside = [str(path) for path in options.pop("beside")]
     said = (RESULTS, work.path, *options.values(), *([] if sheet is None else [sheet]), *beside)
-    content = (
-        repr(said).encode("utf-8", "replace")
-        + msgspec.json.encode(rig, order="deterministic")
-        + __version__.encode()
-    )
-    return digest_of(content)
+    # A rig holds a set, whose order differs from process to process.
+    encoded = msgspec.json.encode(rig, order="deterministic")
+    return digest_of(repr(said).encode("utf-8", "replace") + encoded + __version__.encode())
 
 
 def result_key(work: Work, digest: str) -> str:

@@ -348,7 +348,7 @@ def _posterior(data: Fitted) -> tuple[Signal, Signal, float, bool]:
     nu = np.zeros(len(data.nuisances))
     for _ in range(ROUNDS):
         z = data.whiten((data.measured - data.predict(nu, [])) * used)
-        columns, w = data.columns(nu, [], used), weights(z)
+        columns, w = data.columns(nu, [], used, serves=0.0), weights(z)
         curve, slope = (
             columns.masked(np.sqrt(w)).squared() + np.eye(nu.size),
             columns.onto(w * z) - nu,
