@@ -55,6 +55,10 @@ NEAR_ZERO = 2.0
 about 0. [1]
 """
 
+ANEW = 4
+"""Number of times that the objective is expanded about one set at most: each takes the nuisances
+most of the way. [1]"""
+
 SINGLES = 3
 """Number of the single suspects with the most evidence from which the search starts too."""
 
@@ -279,11 +283,17 @@ class Found(msgspec.Struct, frozen=True):
         return sorted(found, key=weighing(self).of, reverse=True)[:SINGLES]
 
     def about(self, fit: Fit) -> Centre:
-        """The expansion of the objective about a fit, which replaces older fits of its set."""
-        marginal = marginal_about(self.problem, fit.effects(self.problem.suspects), fit.nu)
-        there, expansion = expand(
-            self.problem, marginal, fit.names, start_of(fit), weighing(self).scale
-        )
+        """The expansion of the objective about a fit, which replaces older fits of its set; made
+        anew, `ANEW` times at most, as long as the nuisances move by more than `NEAR_ZERO`.
+        """
+        for _ in range(ANEW):
+            marginal = marginal_about(self.problem, fit.effects(self.problem.suspects), fit.nu)
+            there, expansion = expand(
+                self.problem, marginal, fit.names, start_of(fit), weighing(self).scale
+            )
+            if np.max(np.abs(there.nu - fit.nu), initial=0.0) <= NEAR_ZERO:
+                break
+            fit = there
         self.fits[fit.names], self.centres[fit.names] = there, Centre(there, expansion, marginal)
         return self.centres[fit.names]
 
