@@ -33,6 +33,7 @@ from winchcascade.diagnosis.fit.nuisances import COURSES
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.stages.diagnose_stages import StageAgreement, diagnosed
+from winchcascade.diagnosis.stages.stage_fit import SHAPE
 from winchcascade.diagnosis.stages.stage_laws import (
     StagePath,
     StageSignals,
@@ -304,15 +305,13 @@ def agreement_of(
         here = (rows.path == k) & (rows.blocks.phase == PAYOUT)
         if here.any():
             column = np.mean(rows.columns[here][:, fit.own(best)], axis=0)
-            u = math.sqrt(float(column @ fit.covariance(best) @ column))
+            power = float(column @ best.x)
+            u_numbers = math.sqrt(float(column @ fit.covariance(best) @ column))
+            u = math.hypot(u_numbers, SHAPE * power)  # what a law misses lasts in every cycle
             of_model = np.mean(caused[here], axis=0)
             u_model = float(np.linalg.norm(known * of_model[1:]))
             flows = float(np.mean(np.abs(rows.given[here])))
-            found.append(
-                StageAgreement(
-                    path.place, flows, float(column @ best.x), u, float(of_model[0]), u_model
-                )
-            )
+            found.append(StageAgreement(path.place, flows, power, u, float(of_model[0]), u_model))
     return tuple(found)
 
 

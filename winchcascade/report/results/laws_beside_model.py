@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import Any
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import NamedCause
+from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause
 from winchcascade.diagnosis.stages.diagnose_stages import StageAgreement, StageDiagnosis
 from winchcascade.report.content import Column, Measured, Note, Section, Table, section, table
 from winchcascade.report.diagnosis_names import probability_words, shown_as
@@ -20,7 +20,7 @@ def stage_laws_section(found: ModelDiagnosis) -> Section:
     own = found.by_laws
     if own is None:
         return section("stage-laws", "Laws of the stages")
-    opposed = [one.stage for one in own.agreement if not one.agrees]
+    opposed, (of_model, of_laws) = _opposed(own), (_stages(found), _stages(own))
     return section(
         "stage-laws", "Laws of the stages",
         Note(
@@ -30,6 +30,12 @@ def stage_laws_section(found: ModelDiagnosis) -> Section:
         Note(
             f"Laws and causes of the model differ at {', '.join(opposed)} by more than their "
             f"intervals allow." if opposed else "",
+            "Contradiction", "warn",
+        ),
+        Note(
+            f"By the model what is missing lies at {', '.join(of_model) or 'no stage'}, by the mean "
+            f"powers of the stages at {', '.join(of_laws) or 'none'}."
+            if not _same_stages(found, own) else "",
             "Contradiction", "warn",
         ),
         _laws(own),
@@ -45,6 +51,24 @@ def stage_laws_section(found: ModelDiagnosis) -> Section:
             own.agreement,
         ),
     )  # fmt: skip
+
+
+def _opposed(own: StageDiagnosis) -> list[str]:
+    """Stages whose power by laws is another than by causes."""
+    return [one.stage for one in own.agreement if not one.agrees]
+
+
+def _stages(found: DiagnosisResult) -> list[str]:
+    """Stages of what a diagnosis names or, where it names nothing, that of its gap."""
+    named = [one.stage for one in (*found.causes, *found.candidates)]
+    gap = [found.where.stage] if found.where is not None and found.verdict != "no_gap" else []
+    return list(dict.fromkeys(named or gap))
+
+
+def _same_stages(found: ModelDiagnosis, own: StageDiagnosis) -> bool:
+    """Whether model and laws have a stage in common, or both none."""
+    of_model, of_laws = {*_stages(found)}, {*_stages(own)}
+    return of_model == of_laws or bool(of_model & of_laws)
 
 
 def _laws(own: StageDiagnosis) -> Table[Any] | None:
@@ -78,6 +102,7 @@ def stage_laws_record(found: ModelDiagnosis) -> dict[str, Any]:
             "causes": [_law(own, one) for one in own.causes],
             "candidates": [_law(own, one) for one in own.candidates],
             "share_closed": None if own.closure is None else own.closure.share,
+            "agrees": not _opposed(own) and _same_stages(found, own),
             "agreement": [
                 {
                     "stage": one.stage,
