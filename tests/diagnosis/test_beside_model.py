@@ -71,7 +71,7 @@ def test_a_loss_outside_of_the_suspects_is_named_by_its_law_and_contradicts_the_
 
 def test_a_drag_of_the_rotor_is_told_from_one_of_the_clutch_that_has_let_it_go() -> None:
     found = laws_of("drags")
-    numbers = {one.effect: next(iter(one.parameters.values())) for one in found.causes}
+    numbers = {one.effect: next(iter(one.parameters.values())) for one in found.fitted}
     assert numbers.keys() == HIDDEN_DRAGS.keys()
     gear = baseline(found.rig).drivetrain.gear
     hidden = HIDDEN_DRAGS | {"shaft_viscous": HIDDEN_DRAGS["shaft_viscous"] * gear**2}
