@@ -4,7 +4,7 @@ of the model, as a section of a report and as JSON.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause
@@ -14,30 +14,22 @@ from winchcascade.report.diagnosis_names import probability_words, shown_as
 from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.diagnosis_parts import EffectNumber, number_columns
 
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
 
 def stage_laws_section(found: ModelDiagnosis) -> Section:
     """The laws that act beside the model, and the power of each stage by laws and by causes."""
     own = found.by_laws
     if own is None:
         return section("stage-laws", "Laws of the stages")
-    opposed, (of_model, of_laws) = _opposed(own), (_stages(found), _stages(own))
     return section(
         "stage-laws", "Laws of the stages",
         Note(
             f"{words.VERDICTS[own.verdict]}, by the power that each stage gives beyond its model "
             f"for its own inputs from the log."
         ),
-        Note(
-            f"Laws and causes of the model differ at {', '.join(opposed)} by more than their "
-            f"intervals allow." if opposed else "",
-            "Contradiction", "warn",
-        ),
-        Note(
-            f"By the model what is missing lies at {', '.join(of_model) or 'no stage'}, by the mean "
-            f"powers of the stages at {', '.join(of_laws) or 'none'}."
-            if not _same_stages(found, own) else "",
-            "Contradiction", "warn",
-        ),
+        *_conflicts(found, own),
         _laws(own),
         table(
             "stage-agreement", "Mean power beyond the model while the line pays out.",
@@ -51,6 +43,25 @@ def stage_laws_section(found: ModelDiagnosis) -> Section:
             own.agreement,
         ),
     )  # fmt: skip
+
+
+def _conflicts(found: ModelDiagnosis, own: StageDiagnosis) -> Iterator[Note]:
+    """In what laws and model differ."""
+    if opposed := _opposed(own):
+        yield Note(
+            f"Laws and causes of the model differ at {', '.join(opposed)} by more than their "
+            f"intervals allow.",
+            "Conflict",
+            "warn",
+        )
+    if not _same_stages(found, own):
+        of_model, of_laws = (", ".join(_stages(one)) or "no stage" for one in (found, own))
+        yield Note(
+            f"What is missing lies at {of_model} by the model, and at {of_laws} by the mean powers "
+            f"of the stages.",
+            "Conflict",
+            "warn",
+        )
 
 
 def _opposed(own: StageDiagnosis) -> list[str]:
