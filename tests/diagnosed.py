@@ -36,8 +36,9 @@ PLANTED: dict[str, Planted] = {
     "rolloff": {"ke_rolloff": {"lost_to_1p4": 0.04, "lost_to_1p8": 0.08}},
     "nothing": {},
     "outsider": {"gear_mesh_loss": {"efficiency_change": -0.06}},
+    "drags": {"rotor_viscous": {"b_extra": 0.0008}, "clutch_drag": {"torque": 3.0}},
 }
-"""What a campaign hides; the last is not among the suspects."""
+"""What a campaign hides; the last two are not among the suspects."""
 
 
 def made_logs(effects: Planted, seconds: float = 75.0) -> list[Simulation]:

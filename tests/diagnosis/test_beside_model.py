@@ -11,9 +11,13 @@ from winchcascade.diagnosis.stages.diagnose_stages import StageAgreement, StageD
 from winchcascade.report.render.page import page_text
 from winchcascade.report.results.diagnosis import diagnosis_report
 from winchcascade.report.results.diagnosis_record import as_json
+from winchcascade.rig.baseline import baseline
 
 HIDDEN_COPPER = 2.0 * 0.4
 """Resistance that a direct current meets beyond that of two phases, over that of one. [1]"""
+
+HIDDEN_DRAGS = {"shaft_viscous": 0.0008, "clutch_drag": 3.0}
+"""Viscous drag of the fast shaft [N m s/rad] and torque of the open clutch [N m]."""
 
 HIDDEN_MESH = 0.06
 """Share of the power that the gear mesh of the outsider loses beyond its model. [1]"""
@@ -62,6 +66,16 @@ def test_a_loss_outside_of_the_suspects_is_named_by_its_law_and_contradicts_the_
     share = next(one for one in found.causes if one.effect == "power_share").parameters["share"]
     assert share.low <= HIDDEN_MESH <= share.high
     assert not at(found, "gearbox").agrees
+    assert not as_json(beside_model(diagnosed("outsider")))["stage_laws"]["agrees"]
+
+
+def test_a_drag_of_the_rotor_is_told_from_one_of_the_clutch_that_has_let_it_go() -> None:
+    found = laws_of("drags")
+    numbers = {one.effect: next(iter(one.parameters.values())) for one in found.fitted}
+    assert numbers.keys() == HIDDEN_DRAGS.keys()
+    gear = baseline(found.rig).drivetrain.gear
+    hidden = HIDDEN_DRAGS | {"shaft_viscous": HIDDEN_DRAGS["shaft_viscous"] * gear**2}
+    assert all(one.low <= hidden[name] <= one.high for name, one in numbers.items())
 
 
 def test_laws_have_a_record_and_a_section_only_where_they_are_wanted() -> None:
@@ -69,6 +83,7 @@ def test_laws_have_a_record_and_a_section_only_where_they_are_wanted() -> None:
     beside = beside_model(found)
     record = as_json(beside)["stage_laws"]
     assert [one["effect"] for one in record["causes"]] == ["copper"]
+    assert record["agrees"]
     assert {one["stage"] for one in record["agreement"]} == {
         "restoring",
         "transmission",

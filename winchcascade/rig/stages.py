@@ -175,7 +175,7 @@ def power_per_output(model: Model, course: Along, drive: DriveCourse) -> dict[St
     return {
         "restoring": physics.piston_torque(omega, model.restoring),
         "transmission": omega,
-        "gearbox": -omega * model.drivetrain.eta_mesh,
+        "gearbox": -omega * np.where(omega > 0.0, model.drivetrain.eta_mesh, 1.0),
         "generator": drive.i_bridge,
     }
 

@@ -33,6 +33,7 @@ from winchcascade.diagnosis.fit.nuisances import COURSES
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.stages.diagnose_stages import StageAgreement, diagnosed
+from winchcascade.diagnosis.stages.stage_fit import SHAPE
 from winchcascade.diagnosis.stages.stage_laws import (
     StagePath,
     StageSignals,
@@ -88,6 +89,11 @@ MORE = 0.01
 
 PHASES_IN_SERIES = 2.0
 """Phases that a direct current flows through. [1]"""
+
+STATOR = math.sqrt(2.0 / 3.0)
+"""Stator current, rms, over the direct current of its bridge: two phases of three carry it (Mohan,
+Undeland and Robbins 2003, chapter 5). [1]
+"""
 
 LATE = "late"
 """Name of the lag of voltage and current, which a logger reads together, among slopes of a gap."""
@@ -232,8 +238,14 @@ def _signals(made: Deviations, model: Model) -> dict[Stage, dict[str, Signal]]:
             **{name: channels[name] for name in ("force", "pressure") if name in channels},
         }
     if "gearbox" in made.gaps:
-        torque = channels["torque"]
-        found["gearbox"] = {"speed": omega, "torque": torque, "power": np.abs(torque * omega)}
+        # behind its clutch the fast shaft turns with the line only while that pays out
+        forth, torque = np.maximum(omega, 0.0), channels["torque"]
+        found["gearbox"] = {
+            "speed": forth,
+            "back": forth - omega,
+            "torque": torque,
+            "power": np.abs(torque * forth),
+        }
     if "generator" in made.gaps:
         drive = drive_along(made.run, model, path)
         field = physics.RECTIFIED * model.generator.k_e * drive.rpm * drive.i_bridge
@@ -244,6 +256,8 @@ def _signals(made: Deviations, model: Model) -> dict[Stage, dict[str, Signal]]:
         (less,) = _caused(made, model, [more], stage)
         square = np.maximum(-less, 0.0) / (PHASES_IN_SERIES * MORE * model.generator.r_s)
         found[stage]["current"] = np.sqrt(square)
+    if (own := found.get("generator")) is not None:
+        own["overload"] = np.maximum(STATOR * own["current"] - model.generator.i_rated, 0.0)
     return found
 
 
@@ -291,15 +305,13 @@ def agreement_of(
         here = (rows.path == k) & (rows.blocks.phase == PAYOUT)
         if here.any():
             column = np.mean(rows.columns[here][:, fit.own(best)], axis=0)
-            u = math.sqrt(float(column @ fit.covariance(best) @ column))
+            power = float(column @ best.x)
+            u_numbers = math.sqrt(float(column @ fit.covariance(best) @ column))
+            u = math.hypot(u_numbers, SHAPE * power)  # what a law misses lasts in every cycle
             of_model = np.mean(caused[here], axis=0)
             u_model = float(np.linalg.norm(known * of_model[1:]))
             flows = float(np.mean(np.abs(rows.given[here])))
-            found.append(
-                StageAgreement(
-                    path.place, flows, float(column @ best.x), u, float(of_model[0]), u_model
-                )
-            )
+            found.append(StageAgreement(path.place, flows, power, u, float(of_model[0]), u_model))
     return tuple(found)
 
 

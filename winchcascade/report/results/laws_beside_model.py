@@ -4,15 +4,18 @@ of the model, as a section of a report and as JSON.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import NamedCause
+from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause
 from winchcascade.diagnosis.stages.diagnose_stages import StageAgreement, StageDiagnosis
 from winchcascade.report.content import Column, Measured, Note, Section, Table, section, table
 from winchcascade.report.diagnosis_names import probability_words, shown_as
 from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.diagnosis_parts import EffectNumber, number_columns
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 
 def stage_laws_section(found: ModelDiagnosis) -> Section:
@@ -20,18 +23,13 @@ def stage_laws_section(found: ModelDiagnosis) -> Section:
     own = found.by_laws
     if own is None:
         return section("stage-laws", "Laws of the stages")
-    opposed = [one.stage for one in own.agreement if not one.agrees]
     return section(
         "stage-laws", "Laws of the stages",
         Note(
             f"{words.VERDICTS[own.verdict]}, by the power that each stage gives beyond its model "
             f"for its own inputs from the log."
         ),
-        Note(
-            f"Laws and causes of the model differ at {', '.join(opposed)} by more than their "
-            f"intervals allow." if opposed else "",
-            "Contradiction", "warn",
-        ),
+        *_conflicts(found, own),
         _laws(own),
         table(
             "stage-agreement", "Mean power beyond the model while the line pays out.",
@@ -45,6 +43,43 @@ def stage_laws_section(found: ModelDiagnosis) -> Section:
             own.agreement,
         ),
     )  # fmt: skip
+
+
+def _conflicts(found: ModelDiagnosis, own: StageDiagnosis) -> Iterator[Note]:
+    """In what laws and model differ."""
+    if opposed := _opposed(own):
+        yield Note(
+            f"Laws and causes of the model differ at {', '.join(opposed)} by more than their "
+            f"intervals allow.",
+            "Conflict",
+            "warn",
+        )
+    if not _same_stages(found, own):
+        of_model, of_laws = (", ".join(_stages(one)) or "no stage" for one in (found, own))
+        yield Note(
+            f"What is missing lies at {of_model} by the model, and at {of_laws} by the mean powers "
+            f"of the stages.",
+            "Conflict",
+            "warn",
+        )
+
+
+def _opposed(own: StageDiagnosis) -> list[str]:
+    """Stages whose power by laws is another than by causes."""
+    return [one.stage for one in own.agreement if not one.agrees]
+
+
+def _stages(found: DiagnosisResult) -> list[str]:
+    """Stages of what a diagnosis names or, where it names nothing, that of its gap."""
+    named = [one.stage for one in (*found.causes, *found.candidates)]
+    gap = [found.where.stage] if found.where is not None and found.verdict != "no_gap" else []
+    return list(dict.fromkeys(named or gap))
+
+
+def _same_stages(found: ModelDiagnosis, own: StageDiagnosis) -> bool:
+    """Whether model and laws have a stage in common, or both none."""
+    of_model, of_laws = {*_stages(found)}, {*_stages(own)}
+    return of_model == of_laws or bool(of_model & of_laws)
 
 
 def _laws(own: StageDiagnosis) -> Table[Any] | None:
@@ -78,6 +113,7 @@ def stage_laws_record(found: ModelDiagnosis) -> dict[str, Any]:
             "causes": [_law(own, one) for one in own.causes],
             "candidates": [_law(own, one) for one in own.candidates],
             "share_closed": None if own.closure is None else own.closure.share,
+            "agrees": not _opposed(own) and _same_stages(found, own),
             "agreement": [
                 {
                     "stage": one.stage,
