@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from winchcascade.core.errors import RigError
 from winchcascade.core.integrate import white_noise
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnosis_result import Experiment, NamedCause
@@ -319,14 +320,18 @@ def plan_run(data: Fitted, found: Found, causes: Sequence[NamedCause]) -> Experi
     what the latter can adapt.
 
     The pair is the first listed one that a run separates clearly. Without any listed, it is the
-    leading cause and the physical suspect with the most evidence in its place.
+    leading cause and the physical suspect with the most evidence in its place. There is none where
+    the best fit is so wrong that its rig could not make the runs.
     """
     pairs = listed(found, causes)[0][:PAIRS] or _unlisted(found, causes)
     choice = options_after(data, found) if pairs else None
     if choice is None:
         return None
     setting, options = choice
-    prospect = prospect_of(setting, options)
+    try:
+        prospect = prospect_of(setting, options)
+    except RigError:
+        return None
     best: tuple[float, PlannedRun, tuple[str, str]] | None = None
     for pair in pairs:
         foreseen = foresee_pair(prospect, found, pair)
