@@ -56,6 +56,7 @@ from winchcascade.report.diagnosis_names import (
     origins_of,
     phase_words,
     share_words,
+    signed,
     word_of,
 )
 from winchcascade.report.figures import diagnosis_figures as figures
@@ -169,7 +170,7 @@ def _tiles(found: ModelDiagnosis) -> list[Tile]:
             f"{NAMES[worst.channel]}, {phase_words(worst.phase)}, {load_words(worst.load, 'ohm')}"
         )
         limit = f"standard uncertainties; significant from {STANDS_OUT:g}"
-        shown.append(Tile("Largest deviation", where, f"{worst.z:+.1f}", limit))
+        shown.append(Tile("Largest deviation", where, signed(worst.z), limit))
     return [*shown, *step_tile(found)]
 
 
