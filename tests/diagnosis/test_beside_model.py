@@ -17,7 +17,7 @@ HIDDEN_COPPER = 2.0 * 0.4
 """Resistance that a direct current meets beyond that of two phases, over that of one. [1]"""
 
 HIDDEN_DRAGS = {"shaft_viscous": 0.0008, "clutch_drag": 3.0}
-"""Viscous drag of the fast shaft [N m s/rad] and torque of the open clutch [N m]."""
+"""Viscous drag of the high-speed shaft [N m s/rad] and torque of the open clutch [N m]."""
 
 HIDDEN_MESH = 0.06
 """Share of the power that the gear mesh of the outsider loses beyond its model. [1]"""

@@ -19,7 +19,7 @@ from winchcascade.core.quantity import Quantity
 from winchcascade.core.rig_toml import built_in
 
 SEED = 521905
-LOGS = 400
+LOGS = 100
 FINE = 200.0
 """Rate of the simulation at the time scale of the paper's rig. [Hz]"""
 

@@ -56,7 +56,7 @@ def test_an_effect_that_is_only_declared_is_described_diagnosed_and_reported(
     assert table is not None
     row = dict(zip((column.name for column in table.columns), table.cells[0], strict=True))
     assert (row["effect"], row["what changes"], row["unit"]) == (
-        "pressure_zero",
+        "Pressure sensor zero (pressure_zero)",
         "zero of the pressure sensor",
         "kPa",
     )

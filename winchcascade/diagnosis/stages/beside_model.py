@@ -238,7 +238,7 @@ def _signals(made: Deviations, model: Model) -> dict[Stage, dict[str, Signal]]:
             **{name: channels[name] for name in ("force", "pressure") if name in channels},
         }
     if "gearbox" in made.gaps:
-        # behind its clutch the fast shaft turns with the line only while that pays out
+        # behind its clutch the high-speed shaft turns with the line only while that pays out
         forth, torque = np.maximum(omega, 0.0), channels["torque"]
         found["gearbox"] = {
             "speed": forth,
