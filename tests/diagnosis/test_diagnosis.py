@@ -269,6 +269,20 @@ def test_a_labelled_campaign_is_diagnosed(shared: Path, case: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("effect", ["diode_drop", "seal_friction"])
+def test_an_effect_beyond_its_plausible_range_is_not_hidden_by_another(
+    shared: Path, effect: str
+) -> None:
+    """Its number costs evidence, but these logs follow from it at least as well."""
+    folder = shared / "harder" / f"beyond_range_{effect}"
+    found = diagnose_listed(load_campaign(folder), EFFECTS)
+    assert isinstance(found, ModelDiagnosis)
+    (cause,) = found.causes
+    assert effect in {cause.effect, *(other.effect for other in cause.look_alikes)}
+    assert cause.effect == effect or cause.probability < 0.96
+
+
+@pytest.mark.slow
 def test_the_seven_effects_of_the_rebuilt_campaign_are_found(fixtures: Path) -> None:
     found = diagnose_listed(load_campaign(fixtures / "campaign"), EFFECTS)
     assert isinstance(found, ModelDiagnosis)

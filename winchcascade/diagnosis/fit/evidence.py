@@ -110,6 +110,14 @@ def prior_of(x: Signal, free: Freedom) -> float:
     return 0.5 * float(np.sum(((x - free.absent) / free.sd) ** 2))
 
 
+def prior_beyond_range(fit: Fit) -> float:
+    """Part of the objective that the prior adds because fields lie beyond their plausible range,
+    over that at the nearest end of the range; 0 within it.
+    """
+    within_range = np.clip(fit.x, fit.free.low, fit.free.high)
+    return prior_of(fit.x, fit.free) - prior_of(within_range, fit.free)
+
+
 def usual_gain(
     suspects: Suspects, names: Names, x: Signal, free: Freedom, information: Signal
 ) -> float:

@@ -15,7 +15,13 @@ from winchcascade.diagnosis.diagnosis_result import Alternative, NamedCause, Nam
 from winchcascade.diagnosis.fit.block_means import PHASES
 from winchcascade.diagnosis.fit.covariance import covariance_of
 from winchcascade.diagnosis.fit.entries import is_entry, same_in_logs
-from winchcascade.diagnosis.fit.evidence import Evidence, Fit, inside_of, usual_gain
+from winchcascade.diagnosis.fit.evidence import (
+    Evidence,
+    Fit,
+    inside_of,
+    prior_beyond_range,
+    usual_gain,
+)
 from winchcascade.diagnosis.fit.marginal import are_together, weights
 from winchcascade.diagnosis.fit.nuisances import quantity_of
 from winchcascade.diagnosis.fit.predict import CHANNELS
@@ -286,7 +292,9 @@ def _look_alikes(found: Found, name: str, without: Fit) -> list[LookAlike]:
     logs cannot distinguish them. Suspects that change numbers which the logs know together alone
     always explain each other: the logs are the same with the other numbers of that direction moved
     too. Two of one class explain each other if the fit keeps most of what the cause explains: the
-    exact form of their laws is not known so well.
+    exact form of their laws is not known so well. A suspect that falls short because its number
+    lies beyond its range is an alternative too: the range says what is plausible, and the logs do
+    not contradict it.
     """
     best, evidence, suspects, linear = (
         found.best,
@@ -326,6 +334,8 @@ def _look_alikes(found: Found, name: str, without: Fit) -> list[LookAlike]:
         elif (
             other in same and lost < UNCONFUSED * (without.loss - best.loss) + AS_GOOD * found.scale
         ):
+            by_evidence = min(by_evidence, AS_GOOD)
+        elif by_evidence - prior_beyond_range(fit) <= AS_GOOD:
             by_evidence = min(by_evidence, AS_GOOD)
         alike.append(LookAlike(fit, by_evidence))
     several = [
