@@ -16,10 +16,12 @@ from owner_simulators import simulated_log
 from run_history import History, twin_by_run
 
 from winchcascade.blind.cases import STATED_LOADS, campaign_toml, write_log
+from winchcascade.blind.crane_motion import draw_motion
 from winchcascade.blind.drive import FINE
 from winchcascade.blind.injected import Hidden, draw_hidden
 from winchcascade.blind.truth import Truth, truth_by_effects
-from winchcascade.blind.twin import FIXED, Twin, draw_motion, draw_twin, read_log, solve_twin
+from winchcascade.blind.twin import FIXED, Twin, draw_twin, solve_twin
+from winchcascade.blind.twin_log import read_log
 from winchcascade.blind.twin_numbers import (
     CRANE_LOGGER,
     LOAD_SCATTER,

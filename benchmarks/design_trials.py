@@ -22,9 +22,11 @@ from scipy.interpolate import PchipInterpolator
 
 from winchcascade.batch.campaign_diagnosis import diagnose_listed
 from winchcascade.blind.cases import RIG, STATED_LOADS, campaign_toml, write_log
+from winchcascade.blind.crane_motion import draw_motion
 from winchcascade.blind.drive import GRID
 from winchcascade.blind.injected import PARTS, draw_hidden
-from winchcascade.blind.twin import Solved, Twin, draw_motion, draw_twin, read_log, solve_twin
+from winchcascade.blind.twin import Solved, Twin, draw_twin, solve_twin
+from winchcascade.blind.twin_log import read_log
 from winchcascade.blind.twin_numbers import CRANE_LOGGER, SENSORS
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.files import scratch_folder

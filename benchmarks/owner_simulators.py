@@ -12,15 +12,8 @@ import math
 
 import numpy as np
 
-from winchcascade.blind.twin import (
-    FIXED,
-    NOMINAL,
-    Solved,
-    Twin,
-    noiseless,
-    solve_twin,
-    stamps_of,
-)
+from winchcascade.blind.twin import FIXED, NOMINAL, Solved, Twin, solve_twin
+from winchcascade.blind.twin_log import noiseless, stamps_of
 from winchcascade.blind.twin_numbers import LOADS, Numbers
 from winchcascade.core.run import Signal
 

@@ -13,7 +13,8 @@ from typing import Literal
 
 import msgspec
 
-from winchcascade.blind.twin import FIXED, SPEED, Twin
+from winchcascade.blind.crane_motion import SPEED
+from winchcascade.blind.twin import FIXED, Twin
 from winchcascade.blind.twin_numbers import LOADS, Numbers
 
 COPPER = 0.0039

@@ -29,10 +29,12 @@ from owner_simulators import noise_free
 
 from winchcascade.batch.campaign_diagnosis import diagnose_campaign
 from winchcascade.blind.cases import STATED_LOADS, write_log
+from winchcascade.blind.crane_motion import draw_motion
 from winchcascade.blind.injected import Hidden
 from winchcascade.blind.judge import CaseScore, Diagnosis, judge
 from winchcascade.blind.truth import TRUTH_FILE
-from winchcascade.blind.twin import Solved, Twin, draw_motion, read_log, solve_twin
+from winchcascade.blind.twin import Solved, Twin, solve_twin
+from winchcascade.blind.twin_log import read_log
 from winchcascade.core.files import json_bytes, scratch_folder
 from winchcascade.core.jobs import Nobody, Workers, one_thread_each, processes
 from winchcascade.ingest.read import read_run

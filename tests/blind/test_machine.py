@@ -37,10 +37,11 @@ from owner_simulators import noise_free
 
 from winchcascade import read_run, reduce
 from winchcascade.blind.cases import STATED_LOADS, write_log
+from winchcascade.blind.crane_motion import draw_motion, line_motion
 from winchcascade.blind.drive import COLUMNS, GRID, Drive, run_drive
 from winchcascade.blind.injected import INJECTED, Hidden
 from winchcascade.blind.truth import Truth
-from winchcascade.blind.twin import Solved, Twin, draw_motion, line_motion, solve_twin
+from winchcascade.blind.twin import Solved, Twin, solve_twin
 from winchcascade.blind.twin_numbers import LOADS, SENSORS, Fixed, Numbers, Restoring
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.quantity import Quantity

@@ -17,17 +17,11 @@ from run_history import History, stator_heat, temperatures, twin_by_run
 
 from winchcascade import read_run
 from winchcascade.blind.cases import DealtCase, draw, write_campaign
+from winchcascade.blind.crane_motion import line_motion
 from winchcascade.blind.drive import FINE, LEDGER, weakened
 from winchcascade.blind.injected import INJECTED, OUTSIDERS, PHYSICS, Hidden, draw_hidden
-from winchcascade.blind.twin import (
-    Solved,
-    Twin,
-    gas_pressure,
-    line_motion,
-    noiseless,
-    solve_twin,
-    stamps_of,
-)
+from winchcascade.blind.twin import Solved, Twin, gas_pressure, solve_twin
+from winchcascade.blind.twin_log import noiseless, stamps_of
 from winchcascade.blind.twin_numbers import LOADS, SENSORS, Numbers
 from winchcascade.rig.effects.catalogue import EFFECTS, OF_THE_RIG
 from winchcascade.rig.parts import with_part

@@ -10,8 +10,10 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from winchcascade.blind.crane_motion import draw_motion
 from winchcascade.blind.injected import OUTSIDERS, PARTS, Hidden, draw_hidden
-from winchcascade.blind.twin import Twin, draw_motion, draw_twin, read_log, solve_twin
+from winchcascade.blind.twin import Twin, draw_twin, solve_twin
+from winchcascade.blind.twin_log import read_log
 from winchcascade.blind.twin_numbers import CRANE_LOGGER, LOADS
 from winchcascade.core.run import Signal
 

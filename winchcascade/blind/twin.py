@@ -1,10 +1,7 @@
-"""An independent twin of the rig: one log of a campaign, from the motion of the crane to the
-readings of the sensors.
+"""An independent twin of the rig: from the motion of the line to the true channels of one log.
 
-The crane moves the line in payout, hold and haul-in, three times in a log, no two alike. The twin
-shares no code with the rig that a diagnosis fits: the bridge is a switched circuit, the gas of the
-accumulator obeys the first law, and the injected effects have laws of their own. Sensors have
-gains, zeros, noise, resolution, lag and nonlinearity; the tether rings.
+The twin shares no code with the rig that a diagnosis fits: the bridge is a switched circuit, the
+gas of the accumulator obeys the first law, and the injected effects have laws of their own.
 """
 
 from __future__ import annotations
@@ -14,113 +11,21 @@ import math
 import msgspec
 import numpy as np
 from numba import njit
-from scipy.signal import fftconvolve, lfilter
 
 from winchcascade.blind.drive import FINE, GRID, LEDGER, Drive, run_drive
 from winchcascade.blind.injected import Hidden
 from winchcascade.blind.twin_numbers import (  # fmt: skip
     AIR,
-    CRANE,
-    CRANE_LOGGER,
     LOAD_SCATTER,
     LOADS,
     RESTORING_SHARES,
     SCATTER,
     SENSORS,
-    VELOCITY_NOISE,
-    VELOCITY_STEP,
-    Crane,
     Fixed,
-    Logger,
     Numbers,
     Restoring,
 )
 from winchcascade.core.run import Signal
-
-CYCLES = 3
-"""Cycles of a log."""
-
-SPEED = {
-    "open_circuit": 1.015, "r45ohm": 1.015, "r36ohm": 1.015, "r27ohm": 0.966, "r18ohm": 0.864, "r9ohm": 0.509,
-    "r4p5ohm": 0.305,
-}  # fmt: skip
-"""Plateau of the payout by log, as in logs of the crane, which is slower against a heavy load.
-[m/s]
-"""
-
-GUST, GUST_WIDTH = 0.0046, 0.085
-"""Wobble of the speed: standard deviation as a share, and width of the bell curve that smooths
-it. [1, s]
-"""
-
-_LEAD_IN, _SPREAD = 4.0, 0.01
-"""Rest before the first cycle [s]; scatter of the plateaus from log to log, and from cycle to
-cycle [1].
-"""
-
-
-def line_motion(log: str, rng: np.random.Generator, crane: Crane = CRANE) -> tuple[Signal, Signal]:
-    """Draw the motion of one log on the grid of the twin.
-
-    Returns
-    -------
-    x, v : (n + 1,) payout and its rate at the ends of the intervals, starting at rest [m, m/s]
-    """
-    legs = [np.zeros(round(_LEAD_IN / GRID))]
-    top = SPEED[log] * (1.0 + _SPREAD * rng.standard_normal())
-    ramp, shape = rng.normal(4.55, 0.22) * crane.ramp, rng.normal(1.0, 0.06)
-    length, back = rng.normal(9.59, 0.05) * crane.stroke, rng.normal(1.255, 0.028) * crane.back
-    hold, rest = rng.uniform(4.2, 6.9) * crane.wait, rng.uniform(4.3, 7.2) * crane.wait
-    for _ in range(CYCLES):
-        here = length + rng.normal(0.0, 0.02) * crane.stroke
-        payout = top * (1.0 + _SPREAD * rng.standard_normal())
-        rise = ramp * (1.0 + 0.02 * rng.standard_normal())
-        legs.append(payout * _leg(here / payout, rise, 0.355 * rise, shape))
-        legs.append(np.zeros(round((hold + rng.normal(0.0, 0.2) * crane.wait) / GRID)))
-        haul = back * (1.0 + 0.008 * rng.standard_normal())
-        travel = here + rng.normal(0.0, 0.012) * crane.stroke
-        legs.append(-haul * _leg(travel / haul, 2.0 * crane.stroke, 0.8 * crane.stroke, 1.0))
-        legs.append(np.zeros(round((rest + rng.normal(0.0, 0.3) * crane.wait) / GRID)))
-    v = np.concatenate([*legs, [0.0]])
-    v = v * (1.0 + GUST * smooth_noise(v.size, GUST_WIDTH, rng))
-    return np.concatenate([[0.0], np.cumsum(0.5 * GRID * (v[1:] + v[:-1]))]), v
-
-
-def _leg(length: float, rise: float, fall: float, shape: float) -> Signal:
-    """A speed of plateau 1 that covers a length: up in a time, a plateau, down in a time. [1]"""
-    up, down = _rise(rise, shape), _rise(fall, 1.0)[::-1]
-    flat = max(length - GRID * (np.sum(up) + np.sum(down)), 0.0)
-    return np.concatenate([up, np.ones(round(flat / GRID)), down])
-
-
-def _rise(duration: float, shape: float) -> Signal:
-    """From 0 to 1 in a time, with no jerk at either end; a shape above 1 begins later. [1]"""
-    ramp: Signal = (np.arange(round(duration / GRID), dtype=np.float64) * GRID / duration) ** shape
-    return ramp * ramp * (3.0 - 2.0 * ramp)
-
-
-def smooth_noise(size: int, width: float, rng: np.random.Generator) -> Signal:
-    """Noise of unit variance, smoothed by a bell curve of a standard deviation in seconds,
-    (size,).
-    """
-    half_width = round(4.0 * width / GRID)
-    bell = np.exp(-0.5 * (np.arange(-half_width, half_width + 1) * GRID / width) ** 2)
-    smooth: Signal = fftconvolve(rng.standard_normal(size + 2 * half_width), bell, "valid")
-    return smooth / float(np.sqrt(np.sum(bell**2)))
-
-
-_WINDOW = 5
-"""Number of intervals on either side of a stamp over which a reading is averaged."""
-
-TETHER_HZ, TETHER_DAMPING, TETHER_MASS = 2.2, 0.12, 3.0
-"""Ringing of the tether after a jerk: frequency, damping ratio, and force over the acceleration
-that it lags behind. [Hz, 1, kg]"""
-
-TETHER_NOISE, TETHER_WIDTH = 3.4, 0.14
-"""Other noise of the tether: standard deviation, and width of the bell curve that smooths it.
-[N, s]
-"""
-
 
 FIXED = Fixed()
 """The numbers of the paper's rig that every campaign shares."""
@@ -158,73 +63,6 @@ class Solved(msgspec.Struct, frozen=True):
     energy: dict[str, float]
 
 
-def read_log(
-    twin: Twin, solved: Solved, rng: np.random.Generator, logger: Logger
-) -> dict[str, Signal]:
-    """Readings of the sensors for one log, by channel in the units of the log, with `time`."""
-    stamps, delay = stamps_of(solved, logger), twin.hidden.get("elastic_encoder")
-    grid = np.arange(solved.x.size, dtype=np.float64) * GRID
-    x, v = (
-        _follow(y, delay) if delay else y for y in (solved.x, solved.v)
-    )  # behind an elastic drive
-    columns = {
-        "time": np.round(stamps, logger.decimals_time),
-        "displacement": np.round(np.interp(stamps, grid, x), logger.decimals(4)),
-        "velocity": _stepped(
-            np.interp(stamps, grid, v)
-            + rng.normal(0.0, VELOCITY_NOISE * logger.noise, stamps.size),
-            logger.step(VELOCITY_STEP),
-            logger.decimals(3),
-        ),
-    }
-    tether = TETHER_NOISE * logger.noise * smooth_noise(solved.t.size, TETHER_WIDTH, rng)
-    for name, value in noiseless(twin, solved, stamps).items():
-        sensor = SENSORS[name]
-        swaying = np.interp(stamps, solved.t, tether) if name == "force" else 0.0
-        noise = (
-            rng.normal(0.0, sensor.zero)
-            + rng.normal(0.0, sensor.noise * logger.noise, stamps.size)
-            + swaying
-        )
-        columns[name] = _stepped(
-            value + noise, logger.step(sensor.step), logger.decimals(sensor.decimals)
-        )
-    return columns
-
-
-def stamps_of(solved: Solved, logger: Logger = CRANE_LOGGER) -> Signal:
-    """Stamps of the log of a solved motion. [s]"""
-    return np.arange(0.0, solved.t[-1] - 0.01, logger.interval)
-
-
-_SENSOR_EFFECTS = {
-    "pressure": ("pressure_gain", "", ""),
-    "force": ("force_gain", "late_force", "force_zero"),
-    "torque": ("torque_gain", "", ""),
-    "vdc": ("voltage_gain", "electrical_lag", ""),
-    "idc": ("current_gain", "electrical_lag", ""),
-}
-"""Effects and outsiders that give the sensor of a channel a gain, a delay and a zero."""
-
-
-def noiseless(twin: Twin, solved: Solved, stamps: Signal) -> dict[str, Signal]:
-    """Readings of the sensors without zeros, noise and resolution, by channel in the units of
-    the log.
-    """
-    found = {}
-    for name, sensor in SENSORS.items():
-        if name not in solved.channels:
-            continue
-        true = solved.channels[name]
-        if name == "force":
-            true = taut(twin, true - TETHER_MASS * ring(np.diff(solved.v) / GRID))
-        gain, delay, zero = map(twin.hidden.get, _SENSOR_EFFECTS[name])
-        value = np.interp(stamps - delay, solved.t, _averaged(true)) / sensor.unit
-        reading = value * twin.gains[name] * (1.0 + gain) + _distortion(twin.hidden, name, value)
-        found[name] = reading + zero + twin.zeros.get(name, 0.0)
-    return found
-
-
 def taut(twin: Twin, force: Signal) -> Signal:
     """Tension of a line, which is slack where nothing pulls; the gas of the paper's rig always
     does. [N]
@@ -232,63 +70,12 @@ def taut(twin: Twin, force: Signal) -> Signal:
     return force if twin.restoring.has_gas else np.maximum(force, 0.0)
 
 
-def _distortion(hidden: Hidden, name: str, value: Signal) -> Signal | float:
-    """Error of a sensor by a law that is not in the catalogue, in the unit of the log."""
-    if name == "torque":
-        return -hidden.get("curved_torque") * value * np.abs(value) / 500.0
-    if name == "idc":
-        return -hidden.get("saturated_current") * 15.0 * (np.maximum(value - 5.0, 0.0) / 10.0) ** 2
-    return _play(value, hidden.get("pressure_play")) - value if name == "pressure" else 0.0
-
-
-def _play(value: Signal, width: float) -> Signal:
-    """A reading behind a play of half a width to either side."""
-    out = np.empty(value.size)
-    now = value[0]
-    for k, here in enumerate(value):
-        now = min(max(now, here - 0.5 * width), here + 0.5 * width)
-        out[k] = now
-    return out
-
-
-def _follow(value: Signal, delay: float) -> Signal:
-    """A first-order lag on the grid, starting at rest."""
-    fade = math.exp(-GRID / delay)
-    lagging: Signal = lfilter([1.0 - fade], [1.0, -fade], value, zi=[fade * value[0]])[0]
-    return lagging
-
-
-def _averaged(value: Signal) -> Signal:
-    """Mean over the intervals around each, as by the filter of a sensor."""
-    box = np.ones(2 * _WINDOW + 1)
-    return np.convolve(value, box, "same") / np.convolve(np.ones(value.size), box, "same")
-
-
-def ring(pull: Signal) -> Signal:
-    """Acceleration of the line less that of a lightly damped mass on the tether. [m/s2]
-
-    The mass follows by d2h/dt2 = w^2 (pull - h) - 2 d w dh/dt, stepped on the grid by the
-    semi-implicit rule of Euler.
-    """
-    turn = 2.0 * math.pi * TETHER_HZ * GRID
-    keeps = 1.0 - 2.0 * TETHER_DAMPING * turn
-    return pull - lfilter([turn**2], [1.0, turn**2 - 1.0 - keeps, keeps], pull)
-
-
-def _stepped(value: Signal, step: float, decimals: int) -> Signal:
-    return np.round(np.round(value / step) * step, decimals)
-
-
 FULL_TORQUE = 500.0
 """Torque at the slow shaft against which a loss of the gear under load is stated. [N m]"""
 
+
 REST = 0.01
 """Friction of screw, seals and line changes its sign within this speed of the line. [m/s]"""
-
-RESTING, RESTING_MEAN = 0.22, -0.06
-"""Friction at rest lies between its values in the two directions, -1 and 1: scatter from log to
-log, and mean. [1]
-"""
 
 
 NOMINAL = Twin(Numbers(), dict(LOADS), dict.fromkeys(SENSORS, 1.0), Hidden())
@@ -521,11 +308,3 @@ def _braking(twin: Twin, t: Signal, turned: Signal) -> Signal:
     rng = np.random.default_rng([round(1e6 * twin.hidden.laws["phase"]), t.size])
     flips = np.cumsum(rng.exponential(1.6, size=int(t[-1])) + 0.5)
     return np.where(np.searchsorted(flips, t) % 2 == 1, torque * turned, 0.0)
-
-
-def draw_motion(
-    log: str, rng: np.random.Generator, crane: Crane = CRANE
-) -> tuple[Signal, Signal, float]:
-    """Draw the motion of one log, and where friction holds at rest; see `solve_twin`."""
-    x, v = line_motion(log, rng, crane)
-    return x, v, float(np.clip(rng.normal(RESTING_MEAN, RESTING), -0.9, 0.9))

@@ -331,12 +331,11 @@ def _look_alikes(found: Found, name: str, without: Fit) -> list[LookAlike]:
             odd = -min(usual, 0.0) if suspects[other].fields[0].usual_share == 1.0 else 0.0
             by_evidence = lost / found.scale - min(usual, 0.0)
             by_evidence = min(by_evidence, AS_GOOD + odd) if other in together else by_evidence
-        elif (
-            other in same and lost < UNCONFUSED * (without.loss - best.loss) + AS_GOOD * found.scale
-        ):
-            by_evidence = min(by_evidence, AS_GOOD)
-        elif by_evidence - prior_beyond_range(fit) <= AS_GOOD:
-            by_evidence = min(by_evidence, AS_GOOD)
+        else:
+            nearly = UNCONFUSED * (without.loss - best.loss) + AS_GOOD * found.scale
+            held_back = by_evidence - prior_beyond_range(fit) <= AS_GOOD
+            if held_back or (other in same and lost < nearly):
+                by_evidence = min(by_evidence, AS_GOOD)
         alike.append(LookAlike(fit, by_evidence))
     several = [
         fit
