@@ -48,6 +48,7 @@ def act(place: Path, **inputs: str) -> subprocess.CompletedProcess[str]:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("inputs", "code", "written"),
     [

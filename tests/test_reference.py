@@ -25,6 +25,7 @@ def require_stored(*groups: str) -> None:
     assert done.returncode == 0, f"\n{done.stdout}{done.stderr}"
 
 
+@pytest.mark.slow
 def test_every_output_of_the_quick_groups_is_the_stored_one() -> None:
     require_stored(*(name for name, group in GROUPS.items() if not group.slow))
 

@@ -62,6 +62,7 @@ def test_findings_of_the_logs_are_in_the_record_also_those_of_their_cycles(
     assert all(("zero_offset", "torque") in one for one in kinds(found["logs"]).values())
 
 
+@pytest.mark.slow
 def test_a_unit_that_was_assumed_of_a_simulation_is_in_the_record(
     fixtures: Path, tmp_path: Path
 ) -> None:

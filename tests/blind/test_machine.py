@@ -20,6 +20,7 @@ from campaigns import (
     truth_of,
     write_campaign,
 )
+from daily import daily
 from drawn_machine import (
     DRUM,
     GEAR,
@@ -157,6 +158,7 @@ ROUNDED = 2e-4
 """Largest share of a channel's largest value by which a rescaled log may differ: its own digits."""
 
 
+@pytest.mark.slow
 def test_a_rig_without_scatter_is_the_scaled_twin_of_the_paper(tmp_path: Path) -> None:
     case = Case("similar", 1, 3, {"rotor_inertia": 1.0})
     folders = [tmp_path / "paper", tmp_path / "other"]
@@ -376,10 +378,8 @@ def true_machine(machine: Machine, twin: Twin) -> Machine:
     )
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(
-    "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))]
-)
+@pytest.mark.parametrize("kind", daily(KINDS, ("none",)))
+@pytest.mark.parametrize("seed", daily(range(4), (0,)))
 def test_the_model_of_the_true_rig_agrees_with_the_twin(
     kind: str, seed: int, tmp_path: Path
 ) -> None:
@@ -422,10 +422,8 @@ LOSSLESS = {"efficiency_above_one"}
 """
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(
-    "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 5))]
-)
+@pytest.mark.parametrize("kind", daily(KINDS, ("none",)))
+@pytest.mark.parametrize("seed", daily(range(5), (0,)))
 def test_a_drawn_case_is_reduced_without_findings(kind: str, seed: int, tmp_path: Path) -> None:
     machine = drawn(kind, seed)
     write_campaign(Case("drawn", 1, seed, machine=machine, logger=machine.logger), tmp_path)

@@ -77,6 +77,7 @@ def test_a_plan_holds_every_effect_at_every_strength_pairs_none_and_outsiders_in
     assert kinds not in (sorted(kinds), [case.kind for case in plan_cases(124, 2)])
 
 
+@pytest.mark.slow
 def test_a_seed_deals_what_it_always_has(dealt: Path) -> None:
     sealed, _ = seal(SealedAnswers(7, tuple(answer_of(case) for case in plan_cases(20, 7))))
     assert hashlib.sha256(sealed).hexdigest()[:16] == "342c7fee891e6c4f"
@@ -101,6 +102,7 @@ def test_a_dealt_case_is_a_campaign_of_seven_logs_that_says_nothing_of_what_it_h
     assert not any(word in (dealt / TRIAL).read_text() for word in ("seed", *PARTS))
 
 
+@pytest.mark.slow
 def test_a_call_that_was_cut_short_is_taken_up_and_ends_in_the_same_bytes(
     dealt: Path, tmp_path: Path
 ) -> None:

@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 import pytest
 from calls import call
+from daily import daily
 from hypothesis import given
 from hypothesis import strategies as st
 from rigs import calibrated_rig
@@ -110,10 +111,11 @@ def test_one_load_is_scheduled_in_every_band_without_gain(
     assert {*one.fixed.values(), one.repaired_at} == {9.0}
 
 
-@pytest.mark.parametrize(
-    ("name", "quantity", "share"),
-    [("current", "i_s_a", 0.6), ("tension", "force_n", 0.7), ("heating", "i_dc_rms_a", 0.6)],
-)
+LIMITED = (("current", "i_s_a", 0.6), ("tension", "force_n", 0.7), ("heating", "i_dc_rms_a", 0.6))
+"""Limits, the quantity of each, and the share of its largest value that is allowed."""
+
+
+@pytest.mark.parametrize(("name", "quantity", "share"), daily(LIMITED, LIMITED[:1], spread=True))
 def test_no_scheduled_load_exceeds_a_limit(
     small: RigPosterior, tested: Tested, found: Design, name: str, quantity: str, share: float
 ) -> None:
@@ -204,7 +206,7 @@ def alike(small: RigPosterior, weight: float) -> RigPosterior:
     return msgspec.structs.replace(small, weight=1.0 - weight, others=(sensor,))
 
 
-@pytest.mark.parametrize("weight", [0.01, 0.3])
+@pytest.mark.parametrize("weight", daily((0.01, 0.3), (0.01,)))
 def test_bands_and_worths_hold_a_look_alike_that_costs_nothing(
     small: RigPosterior, tested: Tested, found: Design, weight: float
 ) -> None:

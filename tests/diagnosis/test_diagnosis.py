@@ -39,7 +39,7 @@ def diagnosed(*names: str) -> ModelDiagnosis:
     return diagnose(campaign({name: PLANTED[name] for name in names}), calibrated_rig(), EFFECTS)
 
 
-DAILY = ("copper_heating", "torque_gain")
+DAILY = ("torque_gain",)
 """Effects that are diagnosed by themselves every day."""
 
 
@@ -123,6 +123,7 @@ def test_what_no_suspect_explains_is_not_given_the_nearest_name() -> None:
     assert "pressure" in about_words(found.remainder.worst, [])
 
 
+@pytest.mark.slow
 def test_an_eccentric_drum_is_no_noise() -> None:
     drum = 0.13
     swinging = [
@@ -161,6 +162,7 @@ def test_the_cycles_of_the_only_load_are_left_out_in_turn() -> None:
     assert not by_cycles(whole, [1, 2])
 
 
+@pytest.mark.slow
 def test_a_tether_that_moves_also_at_rest_is_noise() -> None:
     rng = np.random.default_rng(3)
     moved = [

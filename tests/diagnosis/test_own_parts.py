@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from calls import call
+from daily import daily
 from own_rigs import RESTORING, SHAFT, Effects, own_campaign, own_rig, own_text
 from rigs import suspects_on
 
@@ -35,17 +36,20 @@ def found(kind: str, shaft: str, effects: Effects) -> ModelDiagnosis:
     return diagnose(own_campaign(kind, shaft, effects), own_rig(kind, shaft), EFFECTS)
 
 
+HIDDEN = (
+    ("gas_screw", "direct", "line_friction.torque", 6.0),
+    ("spring", "geared", "spring_stiffness.stiffness_change", 0.2),
+    ("spring", "direct", "line_drag.b", 3.0),
+    ("counterweight", "geared", "gear_mesh_loss.efficiency_change", -0.04),
+    ("counterweight", "direct", "rotor_friction.torque", 6.0),
+    ("none", "geared", "line_friction.torque", 6.0),
+    ("none", "direct", "ke_shift.k_e_change", -0.03),
+)
+"""Restoring module, shaft, and the effect that is hidden with its number."""
+
+
 @pytest.mark.parametrize(
-    ("kind", "shaft", "effect", "value"),
-    [
-        ("gas_screw", "direct", "line_friction.torque", 6.0),
-        ("spring", "geared", "spring_stiffness.stiffness_change", 0.2),
-        ("spring", "direct", "line_drag.b", 3.0),
-        ("counterweight", "geared", "gear_mesh_loss.efficiency_change", -0.04),
-        ("counterweight", "direct", "rotor_friction.torque", 6.0),
-        ("none", "geared", "line_friction.torque", 6.0),
-        ("none", "direct", "ke_shift.k_e_change", -0.03),
-    ],
+    ("kind", "shaft", "effect", "value"), daily(HIDDEN, HIDDEN[1:4:2], spread=True)
 )
 def test_a_hidden_effect_is_named_alone_with_its_size(
     kind: str, shaft: str, effect: str, value: float
@@ -61,9 +65,11 @@ def test_a_hidden_effect_is_named_alone_with_its_size(
     assert reported.low < expected < reported.high
 
 
-@pytest.mark.parametrize(
-    ("kind", "shaft"), [("spring", "direct"), ("counterweight", "geared"), ("none", "direct")]
-)
+PARTS = (("spring", "direct"), ("counterweight", "geared"), ("none", "direct"))
+"""Restoring module and shaft of a rig."""
+
+
+@pytest.mark.parametrize(("kind", "shaft"), daily(PARTS, PARTS[1:2], spread=True))
 def test_a_campaign_without_an_effect_has_no_gap_and_misses_no_pressure(
     kind: str, shaft: str
 ) -> None:
@@ -101,6 +107,7 @@ def test_a_calibration_finds_back_emf_and_damper_and_a_screw_only_where_there_is
         assert new[name].u < 0.15 * stated.value
 
 
+@pytest.mark.slow
 def test_a_corrected_file_states_the_mass_that_the_logs_fit_and_the_commands_take_it(
     tmp_path: Path,
 ) -> None:

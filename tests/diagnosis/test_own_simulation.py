@@ -9,7 +9,6 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from daily import daily
 from planted import campaign, driven
 from rigs import calibrated_rig
 
@@ -64,7 +63,8 @@ def diagnosed(simulator: str) -> tuple[ModelDiagnosis, ModelDiagnosis]:
     return alone, beside_own_simulation(alone, simulations)
 
 
-@pytest.mark.parametrize("simulator", daily(("same", "averaged", "copper_heating"), ("averaged",)))
+@pytest.mark.slow
+@pytest.mark.parametrize("simulator", ["same", "averaged", "copper_heating"])
 def test_the_cause_of_the_logs_is_named_whatever_the_simulation_has(simulator: str) -> None:
     alone, found = diagnosed(simulator)
     assert [cause.effect for cause in found.causes] == ["line_drag"]

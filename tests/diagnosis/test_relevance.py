@@ -34,6 +34,7 @@ def diagnosed(share: float) -> ModelDiagnosis:
     )
 
 
+@pytest.mark.slow
 def test_a_cause_is_minor_where_it_changes_less_than_what_is_called_relevant() -> None:
     large, small = diagnosed(1e-4), diagnosed(0.2)
     assert ([cause.effect for cause in large.causes], large.verdict, large.minor) == (

@@ -199,6 +199,7 @@ def test_a_log_is_held_out_as_a_fit_without_it_does() -> None:
         )
 
 
+@pytest.mark.slow
 def test_no_verdict_is_explained_with_a_cause_that_is_likely_another() -> None:
     found = diagnose(campaign({"copper_heating": {"r_s_change": 0.35}}), calibrated_rig(), EFFECTS)
     assert found.verdict == "explained"

@@ -154,6 +154,7 @@ def test_a_calibration_finds_the_same_numbers(nature: Nature) -> None:
     )
 
 
+@pytest.mark.slow
 @FEW
 @example(BENCH)
 @given(natures())
@@ -224,6 +225,7 @@ def test_a_planned_run_is_the_same_motion(nature: Nature) -> None:
     )
 
 
+@pytest.mark.slow
 @FEW
 @example(BENCH)
 @given(natures())

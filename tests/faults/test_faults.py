@@ -13,7 +13,7 @@ from verdicts import letters
 
 FAULTS_BEFORE, CLEAN_BEFORE = recorded()
 
-FAST = 2
+FAST = 1
 """Trials of each fault in the normal test run."""
 
 FAST_SOURCES = ("campaign", "fixtures at other rates")

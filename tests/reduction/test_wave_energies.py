@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 from calls import call
+from daily import daily
 
 from winchcascade import baseline, load_rig, read_run, reduce, simulate
 from winchcascade.core.integrate import integrals
@@ -202,8 +203,13 @@ def test_sensors_widen_the_intervals_by_their_budget_and_an_unknown_accuracy_is_
     )
 
 
+WAVES = ((10, 0.0, 0.90), (40, 0.0, 0.92), (120, 0.6, 0.87))
+"""Number of waves, their memory [1], and the least share of intervals that hold. [1]"""
+
+
 @pytest.mark.parametrize(
-    ("waves", "memory", "minimum"), [(10, 0.0, 0.90), (40, 0.0, 0.92), (120, 0.6, 0.87)]
+    ("waves", "memory", "minimum"),
+    daily(WAVES, WAVES[:1], spread=True),
 )
 def test_intervals_of_mean_powers_hold_the_truth(waves: int, memory: float, minimum: float) -> None:
     """Waves alone or in groups, between which the machine rests for a tenth of the record; 95 %

@@ -124,6 +124,7 @@ def test_the_corrected_rig_leaves_no_gap_and_is_accepted_by_other_commands(
     )  # the model that the log is compared with includes it
 
 
+@pytest.mark.slow
 def test_the_corrected_model_is_exported_for_python_and_matlab(corrected: Corrected) -> None:
     record, model = (
         json.loads(corrected.model.read_bytes()),

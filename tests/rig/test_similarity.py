@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from daily import daily
 from hypothesis import example, given, settings
 from openlog import motion_run
 from own_rigs import own_rig
@@ -146,7 +147,7 @@ def test_the_range_of_an_effect_has_the_unit_of_its_field(name: str, nature: Nat
         assert own.share == field.share
 
 
-@pytest.mark.parametrize("name", EFFECTS)
+@pytest.mark.parametrize("name", daily(EFFECTS, [*EFFECTS][::3]))
 @settings(max_examples=max(settings().max_examples // 100, 1))
 @example(BENCH)
 @given(natures(with_weights=True))

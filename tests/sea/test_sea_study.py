@@ -257,6 +257,7 @@ def test_a_log_that_does_not_return_and_two_kinds_of_seas_are_rejected(tmp_path:
         seas_of(None, path, (0.3,), (5.0,), gamma=3.3, minutes=20.0, seed=0)
 
 
+@pytest.mark.slow
 def test_the_command_compares_a_schedule_within_limits_along_a_log(
     small: RigPosterior, covered: Covered, tmp_path: Path
 ) -> None:

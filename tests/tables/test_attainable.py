@@ -118,6 +118,7 @@ def test_an_injected_loss_is_out_of_reach_and_among_those_that_could_be_why() ->
     assert suspects["screw_friction"].ability("eta_gen").closed < 0.01
 
 
+@pytest.mark.slow
 def test_two_injected_effects_need_a_pair() -> None:
     model = make_effect("gear_mesh_loss", {"efficiency_change": -0.08}).apply(baseline(RIG))
     model = make_effect("screw_friction", {"mu_change": -0.03}).apply(model)
@@ -149,6 +150,7 @@ def test_the_efficiencies_of_the_paper_are_beyond_its_constants() -> None:
     assert suspects["screw_friction"].ability("eta_trans").verdict == "explains"
 
 
+@pytest.mark.slow
 def test_what_is_named_brings_the_paper_within_reach_when_it_is_simulated() -> None:
     problem = TableProblem(paper().rows, RIG, EFFECTS)
     assert paper().sets
@@ -210,6 +212,7 @@ def test_what_cannot_be_judged_is_reported_with_the_reason() -> None:
     assert attainable_summary(judged(made_table(rows[2:3]))) == "no row could be judged"
 
 
+@pytest.mark.slow
 def test_tolerances_of_the_rig_and_few_cycles_widen_what_can_be_reached() -> None:
     loose = parse_rig(
         'based_on = "hsu2026"\nname = "loose"\n[drivetrain]\n'
