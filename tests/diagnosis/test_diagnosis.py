@@ -282,6 +282,10 @@ def test_an_effect_beyond_its_plausible_range_is_not_hidden_by_another(
     (cause,) = found.causes
     assert effect in {cause.effect, *(other.effect for other in cause.look_alikes)}
     assert cause.effect == effect or cause.probability < 0.96
+    numbers = {other.effect: other.number for other in cause.look_alikes}
+    number = numbers.get(effect, next(iter(cause.parameters.values())))
+    assert number is not None
+    assert number.beyond_range
 
 
 @pytest.mark.slow

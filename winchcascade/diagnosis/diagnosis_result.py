@@ -126,11 +126,14 @@ class Reported(msgspec.Struct, frozen=True):
 class Alternative(msgspec.Struct, frozen=True):
     """A suspect that explains the same data as well in place of a cause, and where the two
     explanations differ most.
+
+    `number` is what it would have to be, without an interval; None where it was not fitted.
     """
 
     effect: str
     probability: float
     differs: Spot | None
+    number: Reported | None = None
 
 
 class RunValue(msgspec.Struct, frozen=True):

@@ -387,12 +387,23 @@ def _named(data: Fitted, found: Found, other: Fit, name: str, probability: float
         sorted(set(a) - set(b)) for a, b in ((best.names, other.names), (other.names, best.names))
     )
     effect = new[min(gone.index(name), len(new) - 1)]
+    number = _number_in(found, other, effect)
     if are_together(found.problem.exclusive, name, effect):
-        return Alternative(effect, probability, None)
+        return Alternative(effect, probability, None, number)
     clearest: Spot | None = None
     difference = (best.z - other.z).reshape(-1, len(CHANNELS))
     for log, k, phase, here in data.cells():
         size = float(np.sqrt(np.sum(difference[here, k] ** 2)))
         if size > (clearest.z if clearest else 0.0):
             clearest = Spot(CHANNELS[k], PHASES[phase], data.logs[log].load, z=size)
-    return Alternative(effect, probability, clearest if clearest and clearest.z > ALIKE else None)
+    seen = clearest if clearest and clearest.z > ALIKE else None
+    return Alternative(effect, probability, seen, number)
+
+
+def _number_in(found: Found, fit: Fit, name: str) -> Reported:
+    """The number of one suspect of a fit, without an interval."""
+    effect, own = found.problem.suspects[name], fit.place[name]
+    free, x = fit.free.some(range(own.start, own.stop)), fit.x[own]
+    beyond = bool(np.any((x > free.high) | (x < free.low)))
+    value = with_values(effect, x).reported
+    return Reported(value, -math.inf, math.inf, effect.unit, beyond_range=beyond)

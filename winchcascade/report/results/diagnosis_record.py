@@ -239,11 +239,12 @@ def _cause(cause: NamedCause, found: DiagnosisResult) -> dict[str, Any]:
 
 
 def _alternative(found: DiagnosisResult, one: Alternative) -> dict[str, Any]:
-    name = found.suspects[one.effect].name
+    number = one.number
     return {
-        "effect": name,
+        "effect": found.suspects[one.effect].name,
         "probability": one.probability,
         "told_apart_by": sentences.differs_text(one.differs),
+        "number": None if number is None else _some(number, "value", "unit", "beyond_range"),
     }
 
 

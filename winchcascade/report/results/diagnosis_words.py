@@ -29,8 +29,10 @@ from winchcascade.report.diagnosis_names import (
     about_words,
     call_all,
     called,
+    display_of,
     files_of,
     has_own_simulation,
+    number_words,
     phase_words,
     probability_words,
     runs_with_number,
@@ -273,6 +275,7 @@ def certainty_words(found: DiagnosisResult) -> str:
             if names
         ]
         apart = [f"these logs do not distinguish {', nor '.join(pairs)}"] if pairs else []
+        apart += _implausible_words(found)
         for cause, own in found.judgement.classes.items():
             apart += (
                 [f"{' or '.join(own.beyond)} would look like {called(cause, found.suspects)}"]
@@ -292,6 +295,18 @@ def certainty_words(found: DiagnosisResult) -> str:
         else ""
     )
     return f"Probability that no effect of the catalogue acts: {likely}{other}."
+
+
+def _implausible_words(found: DiagnosisResult) -> list[str]:
+    """Look-alikes whose number would lie beyond what is plausible, with this number."""
+    said = {}
+    for rival in (rival for cause in found.causes for rival in cause.look_alikes):
+        if rival.number is not None and rival.number.beyond_range:
+            how = display_of(rival.effect, found.suspects[rival.effect].parameter)
+            value, _ = number_words(how, rival.number, otherwise=3)
+            name = called(rival.effect, found.suspects)
+            said[rival.effect] = f"{name} would have to be {value}, beyond what is plausible"
+    return list(said.values())
 
 
 def distinguished_words(found: DiagnosisResult) -> str:
