@@ -9,6 +9,7 @@ uncertainty by gaps comes with each energy.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import msgspec
 import numpy as np
@@ -133,7 +134,7 @@ def net_metrics(
     } | {"eta_net": eta}, span
 
 
-class Energies(msgspec.Struct, frozen=True):
+class Energies(msgspec.Struct, frozen=True, dict=True):
     """Windows and whole cycles with what is wrong with them, the energies of each by their names in
     the parts of the cascade, None for one not measured, and what gaps may have changed of them. [J]
     """
@@ -143,7 +144,7 @@ class Energies(msgspec.Struct, frozen=True):
     joules: dict[str, list[float] | None]
     bridged: dict[str, tuple[float, ...]]
 
-    @property
+    @cached_property
     def nothing(self) -> float:
         """Energy that counts as zero beside the largest one of the log. [J]"""
         return max(
