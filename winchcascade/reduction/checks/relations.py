@@ -133,9 +133,8 @@ def relations_of(log: PhasedLog) -> tuple[Relation, ...]:
     first = list({law.y: law for law in reversed(laws)}.values())
     sums = _sums(log, payouts, first, payouts.inside)
     torque = _estimate(log, payouts, sums, OF_TORQUE, known=twisted)
-    if twisted and (
-        torque is None or abs(torque.lag) > payouts.step
-    ):  # its rate is that of another time
+    # Its rate is that of another time, if the lag is more than its own uncertainty.
+    if twisted and (torque is None or abs(torque.lag) > max(payouts.step, WIDE * torque.u)):
         twisted = torque is not None
         _twist(log, payouts, torque.lag if torque is not None else None)
         sums = _sums(log, payouts, first, payouts.inside)
