@@ -298,11 +298,7 @@ def integrated(reduction: Reduction, spans: Signal) -> dict[str, tuple[Terms, Si
     channels the rest.
     """
     run, rig = reduction.run, reduction.rig
-    powers = {
-        s.name: power
-        for s in rig.cascade.stages
-        if (power := s.power(run.channels, rig.r_drum)) is not None
-    }
+    powers = rig.cascade.powers(run.channels, rig.r_drum)
 
     def stream(term: Term, zeros: Sequence[str]) -> Stream:
         columns, scale = (

@@ -43,11 +43,7 @@ def opposed_powers(log: PhasedLog) -> Iterator[Fault]:
         log.run.channels,
         log.rig.r_drum,
     )
-    known = {
-        s.name: power
-        for s in log.rig.cascade.stages
-        if (power := s.power(channels, radius)) is not None
-    }
+    known = log.rig.cascade.powers(channels, radius)
     watts = [(name, power, power.stream(channels, radius)(some)) for name, power in known.items()]
     for (one, first, x), (other, second, y) in pairwise(watts):
         size = float(np.linalg.norm(x) * np.linalg.norm(y))
