@@ -266,6 +266,17 @@ class Cascade(msgspec.Struct, frozen=True):
         )
         return replace(self, stages=tuple(stages))
 
+    def powers(self, channels: Collection[str], r_drum: float | None) -> dict[str, Power]:
+        """What the power of each stage is made of, by name, of those for which log and rig have all
+        that they need."""
+        found = {stage.name: stage.power(channels, r_drum) for stage in self.stages}
+        return {name: power for name, power in found.items() if power is not None}
+
+    def streams(self, channels: Mapping[str, Signal], r_drum: float | None) -> dict[str, Stream]:
+        """Power of each of these stages as a function of the rows of the log. [W]"""
+        powers = self.powers(channels, r_drum)
+        return {name: power.stream(channels, r_drum) for name, power in powers.items()}
+
     def undelivered(self, efficiency: str) -> bool:
         """Whether an efficiency is not evaluated in an open circuit, as its stage delivers
         nothing there.

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from functools import cache
+from functools import cache, lru_cache
 from os.path import isfile  # unlike that of Path no error for a name that no file can have
 from pathlib import Path
 from typing import Annotated, Any
@@ -105,9 +105,10 @@ def given_rig(call: str, rig: Rig | None, usual: Rig | None = None) -> Rig:
     return found
 
 
+@lru_cache(maxsize=16)
 def parse_rig(text: str, where: str) -> Rig:
     """Turn the text of a rig file into a Rig; `where` names the file in the one sentence of a
-    RigError.
+    RigError. All logs of one file share its rig.
 
     `based_on = "hsu2026"` takes everything that the file does not state from that built-in rig, but
     for sizes of its motion and its machine: thresholds with a dimension, and the rated values of

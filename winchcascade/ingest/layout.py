@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from itertools import pairwise, zip_longest
 
 from winchcascade.core.errors import LogError
@@ -48,19 +49,20 @@ def find_data(row: Callable[[int], Row], count: int) -> tuple[int, list[list[str
     its index and the cells of each column in the first rows of data, as far as rows have it; None
     without such a row
     """
+    is_data = cache(lambda k: _is_data(row(k)))
     for k in range(min(count - 1, PREAMBLE_ROWS_MAX)):
-        if not _is_data(row(k)) or channels_named(row(k)) > 1:
+        if not is_data(k) or channels_named(row(k)) > 1:
             continue
-        after = [cells for j in range(k + 1, min(k + 1 + NEAR_ROWS, count)) if any(cells := row(j))]
-        data = [cells for cells in after if _is_data(cells)]
+        after = [j for j in range(k + 1, min(k + 1 + NEAR_ROWS, count)) if any(row(j))]
+        data = [row(j) for j in after if is_data(j)]
         width = _usual_width(data)
         alike = (
             sum(abs(len(cells) - width) <= 1 for cells in data) if len(row(k)) >= width - 1 else 0
         )
-        named = any(channels_named(cells) > 1 for cells in after if cells not in data)
+        named = any(channels_named(row(j)) > 1 for j in after if not is_data(j))
         if alike >= max(1, len(after) - 2) and not named:
             return k, columns_of(
-                [cells for j in range(k, min(k + SAMPLE_ROWS, count)) if _is_data(cells := row(j))]
+                [row(j) for j in range(k, min(k + SAMPLE_ROWS, count)) if is_data(j)]
             )
     return None
 

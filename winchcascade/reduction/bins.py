@@ -182,8 +182,7 @@ def bins_of(
             f"gear_ratio, "
             f"r_drum and rpm_bin of the rig {rig.name}, and the unit of the velocity."
         )
-    streams = {stage.name: stage.stream(run.channels, rig.r_drum) for stage in rig.cascade.stages}
-    averaged = {name: watts for name, watts in streams.items() if watts is not None}
+    averaged = rig.cascade.streams(run.channels, rig.r_drum)
     averaged |= {name: run.channels[name].__getitem__ for name in (TORQUE,) if name in run.channels}
     averaged |= stored_powers(run, rig)
     return bin_powers(speed, rpm, engaged(run, cycles, plateaus, rig), averaged, width)

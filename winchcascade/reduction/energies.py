@@ -9,6 +9,7 @@ uncertainty by gaps comes with each energy.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import msgspec
 import numpy as np
@@ -133,7 +134,7 @@ def net_metrics(
     } | {"eta_net": eta}, span
 
 
-class Energies(msgspec.Struct, frozen=True):
+class Energies(msgspec.Struct, frozen=True, dict=True):
     """Windows and whole cycles with what is wrong with them, the energies of each by their names in
     the parts of the cascade, None for one not measured, and what gaps may have changed of them. [J]
     """
@@ -143,7 +144,7 @@ class Energies(msgspec.Struct, frozen=True):
     joules: dict[str, list[float] | None]
     bridged: dict[str, tuple[float, ...]]
 
-    @property
+    @cached_property
     def nothing(self) -> float:
         """Energy that counts as zero beside the largest one of the log. [J]"""
         return max(
@@ -163,12 +164,8 @@ def integrate_energies(
     """
     run, rig, cascade = phased.run, phased.rig, phased.rig.cascade
     limits, spans = gap_limits(run, rig), spans_of(windows, phased.cycles, nets)
-    powers = {stage.name: stage.power(run.channels, rig.r_drum) for stage in cascade.stages}
-    known = {
-        name: power.stream(run.channels, rig.r_drum)
-        for name, power in powers.items()
-        if power is not None
-    }
+    powers = cascade.powers(run.channels, rig.r_drum)
+    known = {name: power.stream(run.channels, rig.r_drum) for name, power in powers.items()}
     whole = integrals_of(run.t, list(known.values()), np.concatenate(list(spans.values())))
     of_stages = dict(zip(known, whole.reshape(len(known), len(spans), len(windows)), strict=True))
     nothing = max(NOTHING * float(np.max(np.abs(whole), initial=0.0)), SMALLEST)
@@ -177,10 +174,9 @@ def integrate_energies(
     faults: dict[str, dict[int, str]] = {"its window": {}, "the cycle": {}}
     payouts = np.array([cycle.payout_end - cycle.onset for cycle in phased.cycles])
     for name, (stage, span) in cascade.parts.items():
-        power = powers[stage]
-        if power is None:
+        if stage not in powers:
             continue
-        energy, gaps = of_stages[stage][[*spans].index(span)], gaps_of(run, power.channels)
+        energy, gaps = of_stages[stage][[*spans].index(span)], gaps_of(run, powers[stage].channels)
         joules[name] = (SIGN.get(name, 1.0) * energy).tolist()
         idle = (
             stage in ELECTRICAL and run.open_circuit

@@ -23,8 +23,8 @@ OF_LEAST = 0.5
 """Smallest lag that is reported of several logs, as a share of that of one log. [1]"""
 
 KNOWN = 2.0
-"""A log is compared if its law leaves out at most this many times what the best of them does: an
-idle machine leaves out more. [1]"""
+"""A log is compared if its law leaves out at most this many standard uncertainties of the lag that
+is known best: an idle machine leaves out more. [1]"""
 
 
 class LagBetween(NamedTuple):
@@ -54,7 +54,8 @@ def lags_between(logs: Mapping[str, Sequence[Relation]]) -> Iterator[LagBetween]
             if (r.y, r.x, r.law) == kind
         }
         best = min(r.u_law for r in known.values())
-        known = {name: r for name, r in known.items() if r.u_law <= KNOWN * best}
+        clear = KNOWN * min(r.u for r in known.values())
+        known = {name: r for name, r in known.items() if r.u_law <= clear}
         if len(known) < LOGS_MIN:
             continue
         lags = np.array([r.lag for r in known.values()])

@@ -196,12 +196,9 @@ def _means(
     and for a mean over no time.
     """
     run, cascade = phased.run, phased.rig.cascade
-    powers = {
-        f"power_{stage.name}": stage.stream(run.channels, phased.rig.r_drum)
-        for stage in cascade.stages
-    }
+    powers = cascade.streams(run.channels, phased.rig.r_drum)
     streams = {name: x.__getitem__ for name, x in run.channels.items()} | {
-        k: x for k, x in powers.items() if x
+        f"power_{name}": watts for name, watts in powers.items()
     }
     known = [name for name in names if name in streams]
     rows = means_of(run.t, [streams[name] for name in known], windows).T.tolist()

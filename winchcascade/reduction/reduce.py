@@ -272,12 +272,14 @@ def metrics_within(run: Run, rig: Rig, windows: Signal) -> list[Metrics]:
     A ratio above 1 or below 0 is given as it is, as the error of a model with effects is to be
     known.
     """
-    streams = {
-        f"energy_{stage.name}": stage.stream(run.channels, rig.r_drum)
-        for stage in rig.cascade.stages
-    }
-    known = {name: watts for name, watts in streams.items() if watts is not None}
-    columns, nothing = integrals_of(run.t, list(known.values()), windows), dict.fromkeys(streams)
+    streams, nothing = (
+        rig.cascade.streams(run.channels, rig.r_drum),
+        dict.fromkeys(rig.cascade.energies),
+    )
+    columns, known = (
+        integrals_of(run.t, list(streams.values()), windows),
+        [f"energy_{s}" for s in streams],
+    )
     energies = [nothing | dict(zip(known, joules, strict=True)) for joules in columns.T.tolist()]
     return [
         metrics(

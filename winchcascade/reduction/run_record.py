@@ -350,7 +350,7 @@ def _stages(reduction: Reduction, found: Uncertainty) -> dict[str, Any]:
     stage.
     """
     run, rig, cascade = reduction.run, reduction.rig, reduction.rig.cascade
-    powers = {stage.name: stage.power(run.channels, rig.r_drum) for stage in cascade.stages}
+    powers = cascade.powers(run.channels, rig.r_drum)
     out = {name: both.positive for name, both in reduction.both_ways.items()}
     back = {name: -both.negative for name, both in reduction.both_ways.items()}
     delivered = {
@@ -360,7 +360,7 @@ def _stages(reduction: Reduction, found: Uncertainty) -> dict[str, Any]:
     }
     return {
         "order": cascade.names,
-        "power": {name: power and power.text for name, power in powers.items()},
+        "power": {name: powers[name].text if name in powers else None for name in cascade.names},
         "efficiency": cascade.pairs,
         **_means(reduction, found, cascade.metrics),
         "energy_out_j": out,

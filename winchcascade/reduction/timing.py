@@ -59,11 +59,7 @@ def lag_sources(reduction: Reduction) -> list[tuple[ErrorSource, tuple[str, ...]
 def lag_rates(reduction: Reduction, spans: Signal) -> Rates:
     """What lags of single channels change of the energy of each stage in k spans, (k, 2) [s]."""
     run, radius = reduction.run, reduction.rig.r_drum
-    powers = {
-        s.name: power
-        for s in reduction.rig.cascade.stages
-        if (power := s.power(run.channels, radius)) is not None
-    }
+    powers = reduction.rig.cascade.powers(run.channels, radius)
     slopes = {
         name: np.gradient(run.channels[name], run.t)
         for power in powers.values()

@@ -142,8 +142,9 @@ class Energy(msgspec.Struct, frozen=True, dict=True):
     @cached_property
     def joules(self) -> Signal:
         """Energies as reduced, (k,). [J]"""
-        known = factors(self.terms, (), np.empty((0, 1)))[:, 0]
-        return np.asarray(known @ self.integrals[: known.size])
+        sizes = [len(_subsets(channels)) for channels, _ in self.terms]
+        whole = np.cumsum([0, *sizes[:-1]])  # of each term the product of all its channels
+        return np.asarray(self.integrals[whole].sum(axis=0))
 
     @property
     def channels(self) -> set[str]:
@@ -239,7 +240,10 @@ def error_model(reduction: Reduction) -> ErrorModel:
     for part, (stage, span) in rig.cascade.parts.items():
         if stage in of_stage and any(c.metrics[f"energy_{part}"] is not None for c in cycles):
             terms, joules = of_stage[stage]
-            joules = SIGN.get(part, 1.0) * np.split(joules, len(spans), axis=1)[names.index(span)]
+            joules = (
+                SIGN.get(part, 1.0)
+                * joules.reshape(len(joules), len(spans), -1)[:, names.index(span)]
+            )
             sampled, gaps = (
                 reduction.sampled.get(part, nothing),
                 reduction.bridged.get(part, nothing),
@@ -275,7 +279,7 @@ def error_model(reduction: Reduction) -> ErrorModel:
     for part, (stage, span) in rig.cascade.parts.items():
         if part in energies:
             of = {
-                name: SIGN.get(part, 1.0) * np.split(x, len(spans))[names.index(span)]
+                name: SIGN.get(part, 1.0) * x.reshape(len(spans), -1)[names.index(span)]
                 for name, x in rates[stage].items()
             }
             rows = [
@@ -294,11 +298,7 @@ def integrated(reduction: Reduction, spans: Signal) -> dict[str, tuple[Terms, Si
     channels the rest.
     """
     run, rig = reduction.run, reduction.rig
-    powers = {
-        s.name: power
-        for s in rig.cascade.stages
-        if (power := s.power(run.channels, rig.r_drum)) is not None
-    }
+    powers = rig.cascade.powers(run.channels, rig.r_drum)
 
     def stream(term: Term, zeros: Sequence[str]) -> Stream:
         columns, scale = (

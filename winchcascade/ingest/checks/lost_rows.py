@@ -1,18 +1,21 @@
 """Rows that were lost while the clock was renumbered, and counters that were set: the
 displacement jumps without travel.
+
+The law is that of the first relation, by which the displacement is the integral of the velocity,
+taken from one row to the next. It cannot wait for the relations of the phases: the time that is put
+back moves onsets and windows, and a lag over a payout does not show one row.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from winchcascade.core.integrate import BLOCK, GAUSS, median, quantile
+from winchcascade.core.integrate import BLOCK, GAUSS, median
 from winchcascade.core.run import Finding, Repair, Signal
-from winchcascade.ingest.checks.samples import Samples, whole
+from winchcascade.ingest.checks.samples import OF_NOISE, Samples, whole
 
-LARGE = (3.0, 8.0, 1.5)
-"""Smallest jump, as a multiple of what the motion does elsewhere: of the 95 % quantile of the
-travel beyond the velocity, of its standard deviation, and of the step of the displacement. [1]"""
+OF_STEP = 1.5
+"""Smallest jump, in steps of the displacement, which an update puts before or behind a row. [1]"""
 
 ROW = 0.5
 """Smallest jump, as a share of the travel in a row: at least one whole row is lost. [1]"""
@@ -41,12 +44,12 @@ def put_back(log: Samples) -> Signal:
         start, repair, after = float(log.t[before]), None, before + 1
         end, travel = start, abs(speed) * float(log.t[after] - start)
         slow = abs(speed) < thresholds.v_onset
-        if _makes_up(log, before, metres) or (slow and abs(metres) < thresholds.stroke_min):
+        if slow and abs(metres) < thresholds.stroke_min:
             continue
         if slow:
             cause = "while the line rests: rows were lost and the clock was renumbered, or the counter was set"
         elif metres * speed < 0.0 or (
-            abs(x[after]) < LARGE[2] * step + travel and abs(x[before]) > step
+            abs(x[after]) < OF_STEP * step + travel and abs(x[before]) > step
         ):
             x = np.append(x[:after], x[after:] - metres)
             cause = "and goes on from there: the counter was set back, or rows were written twice"
@@ -68,18 +71,6 @@ def put_back(log: Samples) -> Signal:
         )
     log.channels["displacement"] = x
     return np.array(gaps).reshape(-1, 2)
-
-
-def _makes_up(log: Samples, before: int, metres: float) -> bool:
-    """Whether a jump makes up for travel that a displacement which held one value before it did
-    not count.
-    """
-    x, v = log.channels["displacement"], log.channels.get("velocity")
-    if v is None:
-        return False
-    other = np.flatnonzero(x[:before] != x[before])
-    held = slice(int(other[-1]) + 1 if other.size else 0, before + 1)
-    return abs(float(np.trapezoid(np.nan_to_num(v[held]), log.t[held]))) > ROW * abs(metres)
 
 
 def _steps(t: Signal, x: Signal, v: Signal, first: int, last: int) -> tuple[Signal, Signal, Signal]:
@@ -124,8 +115,7 @@ def _jumps(log: Samples) -> list[tuple[int, float, float]]:
     size = np.concatenate(sizes)
     if size.size < 4 * SIDE:
         return []
-    usual = quantile(size, 0.95), GAUSS * median(size), log.level("displacement").step
-    least = max(share * one for share, one in zip(LARGE, usual, strict=True))
+    least = max(OF_NOISE * GAUSS * median(size), OF_STEP * log.level("displacement").step)
     for first in range(0, t.size - 1, BLOCK):
         interval, speed, beyond = _steps(t, x, v, first, min(first + BLOCK, t.size - 1))
         large = (np.abs(beyond) > np.maximum(least, ROW * np.abs(speed) * interval)) & (

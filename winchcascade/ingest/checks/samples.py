@@ -58,43 +58,27 @@ Directions: TypeAlias = "NDArray[np.int8]"
 
 
 class Level(NamedTuple):
-    """What a channel usually does, in its unit: ends of the range in which it moves, white
-    noise, and resolution.
+    """What a channel usually does, in its unit.
+
+    Parameters
+    ----------
+    low, high, span, top : ends of the range in which it moves, their distance, and the largest
+        magnitude
+    noise, step : white noise, and resolution
+    fault : smallest jump of a fault: beyond noise, and two neighbouring values of a coarse channel
+    long_fault : the same of several samples, which the machine may make more easily than one
+    moves : whether it contains more than noise
     """
 
     low: float
     high: float
     noise: float
     step: float
-
-    @property
-    def span(self) -> float:
-        """Range in which the channel moves."""
-        return self.high - self.low
-
-    @property
-    def top(self) -> float:
-        """Largest magnitude in this range."""
-        return max(abs(self.low), abs(self.high))
-
-    @property
-    def fault(self) -> float:
-        """Smallest jump of a fault: beyond noise, and beyond two neighbouring values of a coarse
-        channel.
-        """
-        return max(OF_RANGE * self.span, OF_NOISE * self.noise, 2.5 * self.step)
-
-    @property
-    def long_fault(self) -> float:
-        """Smallest jump of a fault of several samples, which the machine may make more easily
-        than one of a single sample.
-        """
-        return max(LONGER * OF_RANGE * self.span, self.fault)
-
-    @property
-    def moves(self) -> bool:
-        """Whether the channel contains more than noise."""
-        return self.span > 2.0 * OF_NOISE * self.noise
+    span: float
+    top: float
+    fault: float
+    long_fault: float
+    moves: bool
 
     def is_far(self, x: Signal) -> Mask:
         """Whether values are no measurements; every machine may rest at zero."""
@@ -111,7 +95,7 @@ def level_of(x: Signal) -> Level:
     spread, begin = spread[np.isfinite(spread)], x[:ENOUGH]
     begin = begin[np.isfinite(begin)]
     if begin.size < 4 or not spread.size:
-        return Level(0.0, 0.0, 0.0, 0.0)
+        return _level(0.0, 0.0, 0.0, 0.0)
     steps = np.diff(begin)
     # Medians of white noise are 0.954 and 1.652 standard deviations; a ramp shows in the one, a
     # ringing in the other.
@@ -120,14 +104,22 @@ def level_of(x: Signal) -> Level:
         np.unique(spread), [0.005, 0.995]
     )  # each value once: a log may rest for hours
     step = smallest_step(begin)
-    large = np.flatnonzero(np.abs(steps) > Level(low, high, noise, step).fault)
+    large = np.flatnonzero(np.abs(steps) > _level(low, high, noise, step).fault)
     if large.size:
         values, count = np.unique(begin[np.concatenate((large, large + 1))], return_counts=True)
         codes = values[count >= max(3.0, 0.05 * large.size)]
         others = spread[~np.isin(spread, codes)]
         if others.size > 0.05 * spread.size:
             low, high = quantiles_in_place(np.unique(others), [0.005, 0.995])
-    return Level(low, high, noise, step)
+    return _level(low, high, noise, step)
+
+
+def _level(low: float, high: float, noise: float, step: float) -> Level:
+    """The level of a range, a noise and a resolution, with the sizes of its faults."""
+    span = high - low
+    fault = max(OF_RANGE * span, OF_NOISE * noise, 2.5 * step)
+    long_fault, moves = max(LONGER * OF_RANGE * span, fault), span > 2.0 * OF_NOISE * noise
+    return Level(low, high, noise, step, span, max(abs(low), abs(high)), fault, long_fault, moves)
 
 
 def _usual(change: Signal) -> float:
@@ -199,14 +191,8 @@ class Samples(msgspec.Struct):
         """Channels of each product of which the powers of the stages are sums, in the direction
         in which power flows.
         """
-        powers = (stage.power(self.channels, self.rig.r_drum) for stage in self.rig.cascade.stages)
-        return [
-            term.channels
-            for power in powers
-            if power is not None
-            for term in power.terms
-            if term.channels
-        ]
+        powers = self.rig.cascade.powers(self.channels, self.rig.r_drum).values()
+        return [term.channels for power in powers for term in power.terms if term.channels]
 
     def motion(self) -> Directions:
         """Direction of the line, or the shaft of a bench without one, (n,): 1, -1, 0 at rest; 1

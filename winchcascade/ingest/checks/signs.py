@@ -1,5 +1,9 @@
 """Signs: payout is positive, whatever a log was written with; physics decides, not the first
 sample.
+
+Relations between channels need payouts, and what a payout is depends on the sign of the velocity.
+Signs are therefore found before, from the whole log: by what is larger in one direction, and by
+what follows it.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ that smooths the velocity: five times that of rotor and DC link. [1]"""
 
 HOLDS = 0.5
 """Another channel continues if it departs, relative to its level, by less than this share of what
-the suspect does. [1]"""
+the suspect does: it is nearer to none than to all of it. [1]"""
 
 OF_SUSPECT = 0.05
 """Smallest change by which another channel shows an event, in its range, over that of the suspect

@@ -107,7 +107,7 @@ def power_of_line(log: PhasedLog) -> Bound | None:
 
 def power_of_shaft(log: PhasedLog) -> Bound | None:
     """P_gen with the losses in mesh, copper, diodes and viscous loss of the rig file states, over
-    P_mech."""
+    P_mech. What DC capacitor and rotor take up or give back between the ends of a plateau counts."""
     train, machine, radius = log.rig.drivetrain, log.rig.generator, log.rig.r_drum
     means, per_line = _means(log, "velocity", "torque", "vdc", "idc"), _ratio_of_speeds(log)
     if means is None or not means.size or per_line is None or radius is None or log.idle:
@@ -123,8 +123,21 @@ def power_of_shaft(log: PhasedLog) -> Bound | None:
     )
     if not (put > 0.0).all():
         return None
+    stores = (("vdc", log.rig.dc_link.c_dc, 1.0), ("velocity", train.inertia_rotor, per_line**2))
+    for name, store, scale in stores:
+        if store is not None:
+            got = got + 0.5 * store.value * scale * _rises_of_square(log, name)
     channels = (("torque", torque), ("vdc", v_dc), ("idc", i_dc))
     return Bound("more_than_shaft", "torque", got / put - 1.0, _u(log, channels), POWER)
+
+
+def _rises_of_square(log: PhasedLog, name: str) -> Signal:
+    """Mean rate at which the square of a channel rises over each plateau, (k,). [unit squared per
+    second]"""
+    spans = [log.phased.rows(*span) for span in plateaus_of(log)]
+    known = [(log.run.channels[name][rows], rows) for rows in spans if rows.stop > rows.start]
+    rises = [float(x[-1] ** 2 - x[0] ** 2) for x, _ in known]
+    return np.array(rises) * log.run.fs / np.array([rows.stop - rows.start for _, rows in known])
 
 
 def _stated(log: PhasedLog, path: str, number: Quantity | None, other: float) -> float:

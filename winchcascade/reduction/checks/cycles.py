@@ -43,11 +43,7 @@ def opposed_powers(log: PhasedLog) -> Iterator[Fault]:
         log.run.channels,
         log.rig.r_drum,
     )
-    known = {
-        s.name: power
-        for s in log.rig.cascade.stages
-        if (power := s.power(channels, radius)) is not None
-    }
+    known = log.rig.cascade.powers(channels, radius)
     watts = [(name, power, power.stream(channels, radius)(some)) for name, power in known.items()]
     for (one, first, x), (other, second, y) in pairwise(watts):
         size = float(np.linalg.norm(x) * np.linalg.norm(y))
@@ -165,7 +161,7 @@ def uneven_strokes(log: PhasedLog) -> Iterator[Fault]:
 
     A stop costs a share of the travel that the line would have had, had it kept the speed that it
     had reached. The others deviate by no more than their repeatability, of a crane or in the log
-    itself.
+    itself, and than a ripple of their speed explains, of which a window holds any part.
     """
     windows, travel = (
         [(c.window.onset, c.window.cutoff) for c in log.complete],
@@ -176,7 +172,12 @@ def uneven_strokes(log: PhasedLog) -> Iterator[Fault]:
     ):
         return  # strokes that never repeat, as of waves
     fault, x = "other_stroke", np.array(travel_in(log.run, np.reshape(windows, (-1, 2))))
+    repeats = STROKE
     if log.phased.rule != "payout":
+        plateaus = [(p.begin, p.braking) for p in log.phased.plateaus if p is not None]
+        steady = [log.phased.v_smooth[log.phased.rows(*plateau)] for plateau in plateaus]
+        ripples = [float(np.std(v) / np.mean(v)) for v in steady if v.size]
+        repeats = max(STROKE, min(ripples, default=0.0))
         speeds = [log.phased.v_smooth[log.phased.rows(*window)] for window in windows]
         kept = [
             float(v.sum()) / max(float(np.maximum.accumulate(v).sum()), SMALLEST) for v in speeds
@@ -186,7 +187,7 @@ def uneven_strokes(log: PhasedLog) -> Iterator[Fault]:
     scatter = np.array(
         [GAUSS * median(np.abs(np.delete(x, k) - middle)) for k, middle in enumerate(usual)]
     )
-    odd = np.flatnonzero(np.abs(x - usual) > CERTAIN * np.maximum(scatter, STROKE * usual))
+    odd = np.flatnonzero(np.abs(x - usual) > CERTAIN * np.maximum(scatter, repeats * usual))
     if odd.size:
         worst = odd[np.argmax(np.abs(x - usual)[odd])]
         values = {

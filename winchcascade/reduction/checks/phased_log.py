@@ -197,17 +197,13 @@ class PhasedLog(msgspec.Struct, frozen=True, dict=True):
     @cached_property
     def powers(self) -> dict[str, Power]:
         """Power of each stage whose energy counts: not of what an idle machine delivers."""
-        stages = [
-            stage
-            for stage in self.rig.cascade.stages
-            if not (self.idle and stage.name in ELECTRICAL)
-        ]
-        known = {stage.name: stage.power(self.run.channels, self.rig.r_drum) for stage in stages}
+        known = self.rig.cascade.powers(self.run.channels, self.rig.r_drum)
         joules = self.energies.joules
         return {
             name: power
             for name, power in known.items()
-            if power and max(joules[name] or [0.0]) > self.energies.nothing
+            if not (self.idle and name in ELECTRICAL)
+            and max(joules[name] or [0.0]) > self.energies.nothing
         }
 
     @cached_property

@@ -113,19 +113,17 @@ def sampled(changes: Mapping[str, Signal], energies: Energies) -> dict[str, tupl
 
 
 def coarse_sampling(log: PhasedLog) -> Iterator[Fault]:
-    """A log whose mean energy of a stage errs too much by its changes on thinned logs, all of it
-    where these lose a cycle.
+    """A log whose energy of a stage errs too much by its changes on thinned logs, all of it where
+    these lose a cycle.
+
+    Each cycle of each thinned log gives the error of the log itself. A window that one of them puts
+    elsewhere, as noise near a limit does, is no error of the sampling: the median leaves it out.
     """
-    error = 0.0
+    error, of_log = 0.0, np.array([step**2 - 1.0 for step, _ in THINNED])[:, None]
     for change in log.thinned.values():
         found = np.isfinite(change)
-        mean = [
-            float(change[rows][found[rows]].mean()) if found[rows].any() else 0.0
-            for rows in (slice(2), slice(2, None))
-        ]
         lost = not found[:2].any(axis=0).all()
-        least_squares = abs(3.0 * mean[0] + 8.0 * mean[1]) / (3.0**2 + 8.0**2)
-        error = max(error, 1.0 if lost else least_squares)
+        error = max(error, 1.0 if lost else abs(median((change / of_log)[found])))
     if error >= REPEATABILITY:  # smaller ones hide in it
         spans = [(cycle.window.onset, cycle.window.cutoff) for cycle in log.complete]
         yield Fault("coarse_sampling", None, spans, {"rate": log.run.fs, "error": error})

@@ -39,7 +39,8 @@ EVEN_LENGTH = 16
 
 MOVES = 0.3
 """Smallest variance of a signal at a shift, as a share of that without: with less it is shifted to
-its rest, which any law fits. [1]"""
+its rest, which any law fits. Without it, 22 of 270 relations in clean logs of drawn machines are
+lost at such a shift. [1]"""
 
 CORNERS = 4.0
 """Number of independent places in a payout that show a lag: the ends of both ramps."""
@@ -86,13 +87,11 @@ class Known(NamedTuple):
 
 
 class Shift(NamedTuple):
-    """Lag of a signal with its standard uncertainty [s], the residual as a share of what the
-    columns beside the motion leave [1], and its standard deviation as a share of the range of the
-    signal [1]."""
+    """Lag of a signal with its standard uncertainty [s], and the standard deviation of the residual
+    as a share of the range of the signal [1]."""
 
     lag: float
     u: float
-    residual: float
     misfit: float
 
 
@@ -261,9 +260,7 @@ def shifted(
     near = np.flatnonzero(chi < 4.0)  # also about another minimum, which explains the log as well
     u = max(u, 0.5 * float(max(near[-1] - best, best - near[0]) - 1))
     misfit = math.sqrt(max(float(squares[best]), 0.0) / points.size) / extent
-    return Shift(
-        step * float(shifts[best] + lag), step * u, float(squares[best] / unmoved[best]), misfit
-    )
+    return Shift(step * float(shifts[best] + lag), step * u, misfit)
 
 
 def _variance(residual: Signal, size: float, least: float) -> float:
