@@ -14,6 +14,7 @@ import msgspec
 from winchcascade.batch.campaign_diagnosis import diagnose_listed
 from winchcascade.core.campaign_file import CAMPAIGN_FILE, load_campaign
 from winchcascade.core.errors import OptionError
+from winchcascade.core.number_table import number_rows
 from winchcascade.design.operating import Motion, motion_of_run
 from winchcascade.design.run_plan import MOST, RunPlan, after, before, determine
 from winchcascade.design.run_plan import separate as split
@@ -101,44 +102,27 @@ def motions_of(path: Path | None) -> tuple[Motion | None, Sea]:
     """
     if path is None:
         return None, []
-    sea = _sea(path)
-    if sea:
-        return None, sea
+    if _lists_speeds(path):
+        expected = "a speed in m/s and a number of cycles, both above 0"
+        rows = number_rows(path, SEA, _is_speed, expected)
+        return None, [(speed, count) for speed, count in rows]
     return motion_of_run(read_run(path, campaign=False)), []
 
 
-def _sea(path: Path) -> Sea:
-    """Speeds of a table; empty where the file is none."""
+def _lists_speeds(path: Path) -> bool:
+    """Whether a file is a table of speeds, and not a log of any format."""
     if not path.is_file():  # a device may have no end
-        return []
+        return False
     try:
         with path.open(encoding="utf-8-sig") as file:
             head = file.readline(LONGEST_HEAD)
-            if tuple(cell.strip() for cell in head.split(",")) != SEA:
-                return []
-            lines = file.read().splitlines()
-    except (OSError, ValueError):  # a log, of any format
-        return []
-    found = []
-    for number, line in enumerate(lines, 2):
-        if not line.strip():
-            continue
-        try:
-            speed, count = map(float, line.split(","))
-        except ValueError:
-            speed = count = -1.0
-        if not (0.0 < speed < math.inf and 0.0 < count < math.inf):
-            raise OptionError(
-                f"{path}: line {number} is {line!r}; expected a speed in m/s and a number of "
-                f"cycles, both above 0."
-            )
-        found.append((speed, count))
-    if not found:
-        raise OptionError(
-            f"{path}: no row below {','.join(SEA)}; expected a speed and a number of cycles in "
-            f"each."
-        )
-    return found
+    except (OSError, ValueError):
+        return False
+    return tuple(cell.strip() for cell in head.split(",")) == SEA
+
+
+def _is_speed(speed: float, count: float) -> bool:
+    return 0.0 < speed < math.inf and 0.0 < count < math.inf
 
 
 # ------------------------------------------------------------------------------------------ plans
