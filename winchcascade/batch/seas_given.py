@@ -49,9 +49,8 @@ def seas_of(
     OptionError : none or several are given, or a number that is none
     LogError : the log cannot be read
     """
-    if [scatter is not None, motion is not None, bool(heights or periods)].count(True) != 1 or (
-        not heights
-    ) != (not periods):
+    ways = [scatter is not None, motion is not None, bool(heights or periods)]
+    if sum(ways) != 1 or bool(heights) != bool(periods):
         raise OptionError("sea: expected --hs M and --tp S, --scatter FILE, or --motion LOG.")
     numbers = {
         "--hs": heights,
@@ -59,16 +58,13 @@ def seas_of(
         "--bins": bins,
         "--froude": [froude],
         "--minutes": [minutes],
+        "--gamma": [gamma],
     }
-    for option, given in {**numbers, "--gamma": [gamma]}.items():
+    for option, given in numbers.items():
         if not all(0.0 < number < math.inf for number in given):
-            raise OptionError(
-                f"{option} {','.join(f'{x:g}' for x in given)}: expected finite numbers above 0."
-            )
+            raise OptionError(f"{option} {_listed(given)}: expected finite numbers above 0.")
     if len(bins) != len(BINS):
-        raise OptionError(
-            f"--bins {','.join(f'{x:g}' for x in bins)}: expected a height [m] and a period [s]."
-        )
+        raise OptionError(f"--bins {_listed(bins)}: expected a height [m] and a period [s].")
     if motion is not None:
         return _of_log(motion, froude, seed)
     found = (
@@ -85,6 +81,10 @@ def seas_of(
         minutes=minutes,
         seed=seed,
     )
+
+
+def _listed(numbers: Sequence[float]) -> str:
+    return ",".join(f"{number:g}" for number in numbers)
 
 
 def _of_log(path: Path, froude: float, seed: int) -> Seas:
