@@ -9,6 +9,7 @@ from pathlib import Path
 
 import msgspec
 
+from winchcascade.batch.reductions import rendered
 from winchcascade.batch.results_pages import write_index
 from winchcascade.batch.run_batch import REPORTS
 from winchcascade.core.errors import OutputError
@@ -16,6 +17,7 @@ from winchcascade.core.files import check_replaceable, write_content, write_set
 from winchcascade.core.jobs import set_threads
 from winchcascade.core.store import (
     CAMPAIGN_PAGE,
+    DIAGNOSIS_FILES,
     DIAGNOSIS_RECORD,
     INDEX,
     Output,
@@ -66,9 +68,7 @@ def diagnosis_output(campaign: Path) -> Output:
     """
     files = {path.name: fingerprint(path) for path in sorted(campaign.parent.iterdir())}
     key = digest_of(repr((__version__, files)).encode())
-    return Output(
-        DIAGNOSIS_RECORD, "store", key, tuple(f"diagnosis.{ending}" for ending in REPORTS["all"])
-    )
+    return Output(DIAGNOSIS_RECORD, "store", key, DIAGNOSIS_FILES[:-1])
 
 
 def diagnosis_of(campaign: Path, command: str, threads: int) -> dict[str, bytes]:
@@ -80,8 +80,6 @@ def diagnosis_of(campaign: Path, command: str, threads: int) -> dict[str, bytes]
     """
     from winchcascade.batch.campaign_diagnosis import diagnose_listed
     from winchcascade.core.campaign_file import load_campaign
-    from winchcascade.report.render.page import page_text
-    from winchcascade.report.render.pdf import pdf_bytes
     from winchcascade.report.results.campaign_index import links_to
     from winchcascade.report.results.diagnosis import diagnosis_report
     from winchcascade.report.results.diagnosis_record import as_json
@@ -92,15 +90,12 @@ def diagnosis_of(campaign: Path, command: str, threads: int) -> dict[str, bytes]
     found = diagnose_listed(load_campaign(campaign), EFFECTS)
     report = diagnosis_report(found, command=command)
     report = msgspec.structs.replace(report, links=links_to([CAMPAIGN_PAGE, INDEX]))
-    renderers = {".html": lambda: page_text(report).encode(), ".pdf": lambda: pdf_bytes(report)}
-    files = {name: renderers[Path(name).suffix]() for name in output.files}
+    contents = rendered(report, REPORTS["all"])
+    files = {f"diagnosis.{ending}": content for ending, content in contents.items()}
     digests = {name: digest_of(content) for name, content in files.items()}
+    record = as_json(found) | {"version": __version__}
     made_by = {"key": output.key, "files": digests}
-    return files | {
-        output.record: with_digest(
-            as_json(found) | {"version": __version__}, output.entry, made_by, indent=1
-        )
-    }
+    return files | {output.record: with_digest(record, output.entry, made_by, indent=1)}
 
 
 def write_diagnosis(
@@ -120,7 +115,8 @@ def write_diagnosis(
     with locked(
         folder, lambda place: on_progress(f"waiting for another call that works in {place}")
     ):
-        for name in files:
-            check_replaceable(inside(folder, name), force=force)
-        write_set({folder / name: content for name, content in files.items()})
+        paths = {inside(folder, name): content for name, content in files.items()}
+        for path in paths:
+            check_replaceable(path, force=force)
+        write_set(paths)
         write_index(folder)

@@ -64,7 +64,7 @@ def batch_command(
     A second call reduces only logs of which the content, the options or the version changed. The
     exit code is 1 if a log failed.
     """
-    from winchcascade.batch.plan import make_plan, without_campaign
+    from winchcascade.batch.plan import lacks_campaign, make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.reduction.reduce import window_rule
 
@@ -84,7 +84,7 @@ def batch_command(
     )
     with Progress(plan.title, keeps=out) as watch:
         batch = run_batch(plan, out, products, workers=workers, force=outputs.force, watch=watch)
-    no_campaign = [] if load_ohm else without_campaign(targets)
+    no_campaign = [] if load_ohm else list(filter(lacks_campaign, targets))
     _present(batch, outputs.without("loss_map"), drafted_by=no_campaign)
     if outputs["loss_map"] is not None:
         _present_loss_map(plan, batch, products, outputs["loss_map"], force=outputs.force)
