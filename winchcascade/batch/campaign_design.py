@@ -38,14 +38,15 @@ Sea = list[tuple[float, float]]
 
 
 def corrected_by(
-    source: Path, rig: str | None, on_progress: Callable[[str], None]
+    source: Path, rig: str | None, on_progress: Callable[[str], None], *, force: bool = False
 ) -> tuple[RigPosterior, Tested]:
     """The corrected rig of a campaign, which is diagnosed, or of the JSON of a diagnosis, and what
     its logs cover.
 
     Raises
     ------
-    OptionError : the JSON is no diagnosis by a model, or the rig has no model
+    OptionError : the JSON is no diagnosis by a model, the rig has no model, or the gap is
+        unexplained and `force` does not allow to go on
     WinchcascadeError : the campaign cannot be diagnosed
     """
     if source.suffix.casefold() == ".json":
@@ -54,12 +55,15 @@ def corrected_by(
                 f"--rig {rig}: a diagnosis has its rig already; leave --rig out, or give the "
                 f"campaign."
             )
-        return posterior_from(_record(source).get("posterior"), str(source))
-    found = _diagnosed(source, rig, on_progress)
-    tested = tested_by(found)
-    if tested is None:
-        raise OptionError(f"{source}: no log has a payout; expected one at least.")
-    return posterior_of_rig(found), tested
+        posterior, tested = posterior_from(_record(source).get("posterior"), str(source))
+    else:
+        found = _diagnosed(source, rig, on_progress)
+        covered = tested_by(found)
+        if covered is None:
+            raise OptionError(f"{source}: no log has a payout; expected one at least.")
+        posterior, tested = posterior_of_rig(found), covered
+    tested.judgement.check(f"{source}", force=force)
+    return posterior, tested
 
 
 def _diagnosed(source: Path, rig: str | None, on_progress: Callable[[str], None]) -> ModelDiagnosis:

@@ -14,7 +14,6 @@ from winchcascade.batch.results_pages import write_index
 from winchcascade.batch.run_batch import REPORTS
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import check_replaceable, write_content, write_set
-from winchcascade.core.jobs import set_threads
 from winchcascade.core.store import (
     CAMPAIGN_PAGE,
     DIAGNOSIS_FILES,
@@ -71,7 +70,7 @@ def diagnosis_output(campaign: Path) -> Output:
     return Output(DIAGNOSIS_RECORD, "store", key, DIAGNOSIS_FILES[:-1])
 
 
-def diagnosis_of(campaign: Path, command: str, threads: int) -> dict[str, bytes]:
+def diagnosis_of(campaign: Path, command: str) -> dict[str, bytes]:
     """Diagnose a campaign with all effects: its files and its record, by their names.
 
     Parameters
@@ -85,7 +84,6 @@ def diagnosis_of(campaign: Path, command: str, threads: int) -> dict[str, bytes]
     from winchcascade.report.results.diagnosis_record import as_json
     from winchcascade.rig.effects.catalogue import EFFECTS
 
-    set_threads(threads)
     output = diagnosis_output(campaign)
     found = diagnose_listed(load_campaign(campaign), EFFECTS)
     report = diagnosis_report(found, command=command)

@@ -11,6 +11,7 @@ from pathlib import Path
 from winchcascade.core.errors import OptionError
 from winchcascade.core.number_table import number_rows
 from winchcascade.core.scales import motion_of_runs
+from winchcascade.design.operating import require_positive
 from winchcascade.ingest.read import read_run
 from winchcascade.rig.line_velocity import line_velocity
 from winchcascade.sea.sea_study import BINS, Seas
@@ -61,10 +62,9 @@ def seas_of(
         "--gamma": [gamma],
     }
     for option, given in numbers.items():
-        if not all(0.0 < number < math.inf for number in given):
-            raise OptionError(f"{option} {_listed(given)}: expected finite numbers above 0.")
+        require_positive(option, given)
     if len(bins) != len(BINS):
-        raise OptionError(f"--bins {_listed(bins)}: expected a height [m] and a period [s].")
+        raise OptionError(f"--bins: {len(bins)} numbers; expected a height [m] and a period [s].")
     if motion is not None:
         return _of_log(motion, froude, seed)
     found = (
@@ -81,10 +81,6 @@ def seas_of(
         minutes=minutes,
         seed=seed,
     )
-
-
-def _listed(numbers: Sequence[float]) -> str:
-    return ",".join(f"{number:g}" for number in numbers)
 
 
 def _of_log(path: Path, froude: float, seed: int) -> Seas:

@@ -12,7 +12,7 @@ from winchcascade.cli.options import EVALUATION, INPUT, OUTPUTS, argument, optio
 from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present
 from winchcascade.cli.progress import status_line
 from winchcascade.core.errors import OptionError
-from winchcascade.core.jobs import one_thread_each, processes, set_threads
+from winchcascade.core.jobs import use_threads
 
 if TYPE_CHECKING:
     from winchcascade.diagnosis.handover.posterior import RigPosterior, Tested
@@ -78,10 +78,9 @@ def sea_command(
     that the logs do not cover and seas over a limit are flagged. A diagnosis whose gap is
     unexplained is rejected, unless --force is given.
     """
-    one_thread_each()
+    use_threads(threads)
     from winchcascade.batch.campaign_design import corrected_by
     from winchcascade.batch.seas_given import seas_of
-    from winchcascade.core.files import write_content
     from winchcascade.design.operating import require_positive
     from winchcascade.report.results.sea_report import sea_csv, sea_record, sea_report
     from winchcascade.sea.hydrodynamics import read_float
@@ -89,7 +88,6 @@ def sea_command(
     from winchcascade.sea.sea_study import BINS, sea_study
 
     outputs.check([source, scatter, motion, float_, rig])
-    set_threads(threads or processes())
     seas = seas_of(
         scatter, motion, numbers("--hs", hs), numbers("--tp", tp), gamma=gamma, bins=numbers("--bins", bins) or BINS,
         froude=froude, minutes=minutes, seed=seed,
@@ -101,8 +99,7 @@ def sea_command(
     for name, limit in limits.items():
         require_positive(f"--{name}-limit", [limit])
     with status_line(f"putting {source.name} under waves") as on_progress:
-        posterior, tested = corrected_by(source, rig, on_progress)
-        tested.judgement.check(f"{source}", force=outputs.force)
+        posterior, tested = corrected_by(source, rig, on_progress, force=outputs.force)
         on_progress("stepping through the seas")
         found = sea_study(
             posterior, tested, seas, body=FOLLOWER if float_ is None else read_float(float_),
@@ -111,12 +108,11 @@ def sea_command(
             schedule=_schedule(posterior, tested, limits) if compare else None,
             limits=limits, payout=payout, draws=draws,
         )  # fmt: skip
-    if outputs["csv"] is not None:
-        write_content(outputs["csv"], sea_csv(found), force=outputs.force)
     present(
         lambda: sea_report(found, command=given_command()),
         outputs,
         record=lambda: sea_record(found),
+        texts={"csv": lambda: sea_csv(found)},
         name="sea",
     )
 
