@@ -48,7 +48,7 @@ def copy_campaign(folder: Path, *, force: bool = False) -> Path:
     OutputError : a file of that name with another content is there, and `force` does not allow to
         replace it
     """
-    make_one(folder, "another")
+    make_one(folder)
     for source in sorted(packaged_campaign().iterdir()):
         copy, content = folder / source.name, source.read_bytes()
         if copy.is_file() and copy.read_bytes() == content:

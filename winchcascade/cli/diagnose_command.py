@@ -207,7 +207,7 @@ def _prediction_files(folder: Path | None, logs: Sequence[Path]) -> dict[str, Pa
                 f"the logs names of their own."
             )
     for side in ("before", "after"):
-        make_one(folder / side, "another")
+        make_one(folder / side)
     return {
         f"predictions {side}/{log.stem}": folder / side / f"{log.stem}.csv"
         for side in ("before", "after")

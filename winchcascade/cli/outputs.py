@@ -87,7 +87,7 @@ class Outputs(msgspec.Struct, frozen=True):
                     f"--{other} and {option} both name {path}; give each a name of its own."
                 )
             if name in _TOGETHER:
-                make_one(path, "another")
+                make_one(path)
             elif name not in _FOLDERS:
                 if path.exists() and any(source.samefile(path) for source in sources):
                     raise OptionError(
