@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from winchcascade.core.campaign_file import CAMPAIGN_FILE, Campaign, load_campaign
 from winchcascade.core.campaign_settings import LogSettings, listed_settings
 from winchcascade.core.errors import CampaignError, OptionError
-from winchcascade.core.plain_text import one_line
+from winchcascade.core.plain_text import first_of, one_line
 from winchcascade.core.rig_toml import first_named
 from winchcascade.core.store import CAMPAIGN_RECORD, digest_of, fingerprint, joint_digest
 from winchcascade.core.version import __version__
@@ -189,7 +189,7 @@ def _title(titles: Sequence[str]) -> str:
     unique = list(dict.fromkeys(titles))
     if not unique:
         raise CampaignError("no target; expected a campaign.toml, a folder of logs or logs.")
-    return unique[0] if len(unique) == 1 else f"{unique[0]} and {len(unique) - 1} more"
+    return first_of(unique, 1)
 
 
 def _named(work: Sequence[Work]) -> list[Work]:

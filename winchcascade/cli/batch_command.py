@@ -16,6 +16,7 @@ from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present
 from winchcascade.cli.progress import Progress, status_line
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Workers, processes, use_threads
+from winchcascade.core.plain_text import first_of
 from winchcascade.core.store import (
     CAMPAIGN_FILES,
     CAMPAIGN_PAGE,
@@ -133,8 +134,7 @@ def _present(
     from winchcascade.report.content import Note, Report
     from winchcascade.report.results.campaign import fault_notes, written_campaign
 
-    named, more = ", ".join(batch.altered[:MAX_ALTERED]), len(batch.altered) - MAX_ALTERED
-    named += f" and {more} more" if more > 0 else ""
+    named = first_of(batch.altered, MAX_ALTERED)
     notes = [
         Note(
             f"{batch.kept} of {len(batch.results)} logs reduced by an earlier call."

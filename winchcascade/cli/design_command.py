@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 
 from winchcascade.cli.options import (
@@ -12,12 +11,12 @@ from winchcascade.cli.options import (
     OUTPUTS,
     argument,
     named_number,
+    numbers,
     option,
     with_options,
 )
 from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present
 from winchcascade.cli.progress import status_line
-from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import use_threads
 
 
@@ -41,9 +40,9 @@ def design_command(
     motion: Path | None = None,
     loads: str | None = None,
     speeds: str | None = None,
-    current_limit: float | None = None,
-    speed_limit: float | None = None,
-    tension_limit: float | None = None,
+    current_limit: float = math.inf,
+    speed_limit: float = math.inf,
+    tension_limit: float = math.inf,
     threads: int | None = None,
     outputs: Outputs = NO_OUTPUTS,
 ) -> None:
@@ -60,12 +59,7 @@ def design_command(
 
     outputs.check([source, motion, rig])
     at_loads, at_speeds = numbers("--loads", loads), numbers("--speeds", speeds)
-    limits = Limits(
-        *(
-            math.inf if limit is None else limit
-            for limit in (current_limit, speed_limit, tension_limit)
-        )
-    )
+    limits = Limits(current_limit, speed_limit, tension_limit)
     check_options(at_loads, at_speeds, limits)
     cycle, sea = motions_of(motion)
     with status_line(f"designing with {source.name}") as on_progress:
@@ -87,21 +81,6 @@ def design_command(
         texts={"csv": lambda: schedule_csv(found)},
         name="design",
     )
-
-
-def numbers(flag: str, text: str | None) -> Sequence[float]:
-    """Numbers of an option that are separated by commas; OptionError, before long work begins,
-    for one that is not above 0.
-    """
-    try:
-        found = [float(number) for number in text.split(",")] if text is not None else []
-    except ValueError:
-        found = [math.nan]
-    if not all(number > 0.0 for number in found):
-        raise OptionError(
-            f"{flag} {text}: expected numbers above 0 separated by commas, such as 9,18,36."
-        )
-    return found
 
 
 @with_options(

@@ -286,3 +286,18 @@ def named_number(option: str) -> tuple[str, float]:
         return name.strip(), float(number)
     except ValueError:
         return name.strip(), math.nan
+
+
+def numbers(flag: str, text: str | None) -> Sequence[float]:
+    """Numbers of an option that are separated by commas; OptionError, before long work begins,
+    for one that is not above 0.
+    """
+    try:
+        found = [float(number) for number in text.split(",")] if text is not None else []
+    except ValueError:
+        found = [math.nan]
+    if not all(number > 0.0 for number in found):
+        raise OptionError(
+            f"{flag} {text}: expected numbers above 0 separated by commas, such as 9,18,36."
+        )
+    return found

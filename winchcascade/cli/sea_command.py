@@ -7,8 +7,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from winchcascade.cli.design_command import numbers
-from winchcascade.cli.options import EVALUATION, INPUT, OUTPUTS, argument, option, with_options
+from msgspec.structs import asdict
+
+from winchcascade.cli.options import (
+    EVALUATION,
+    INPUT,
+    OUTPUTS,
+    argument,
+    numbers,
+    option,
+    with_options,
+)
 from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present
 from winchcascade.cli.progress import status_line
 from winchcascade.core.errors import OptionError
@@ -65,9 +74,9 @@ def sea_command(
     compare: bool = False,
     draws: int = 40,
     seed: int = 0,
-    current_limit: float | None = None,
-    speed_limit: float | None = None,
-    tension_limit: float | None = None,
+    current_limit: float = math.inf,
+    speed_limit: float = math.inf,
+    tension_limit: float = math.inf,
     threads: int | None = None,
     outputs: Outputs = NO_OUTPUTS,
 ) -> None:
@@ -81,7 +90,7 @@ def sea_command(
     use_threads(threads)
     from winchcascade.batch.campaign_design import corrected_by
     from winchcascade.batch.seas_given import seas_of
-    from winchcascade.design.operating import require_positive
+    from winchcascade.design.design import Limits, check_options
     from winchcascade.report.results.sea_report import sea_csv, sea_record, sea_report
     from winchcascade.sea.hydrodynamics import read_float
     from winchcascade.sea.line_motion import FOLLOWER
@@ -94,10 +103,9 @@ def sea_command(
     )  # fmt: skip
     if not (math.isnan(load) or load > 0.0):
         raise OptionError(f"--load {load:g}: expected a number of ohms above 0.")
-    stated = {"current": current_limit, "speed": speed_limit, "tension": tension_limit}
-    limits = {name: limit for name, limit in stated.items() if limit is not None}
-    for name, limit in limits.items():
-        require_positive(f"--{name}-limit", [limit])
+    stated = Limits(current_limit, speed_limit, tension_limit)
+    check_options((), (), stated)
+    limits = {name: limit for name, limit in asdict(stated).items() if limit < math.inf}
     with status_line(f"putting {source.name} under waves") as on_progress:
         posterior, tested = corrected_by(source, rig, on_progress, force=outputs.force)
         on_progress("stepping through the seas")
