@@ -153,10 +153,7 @@ def test_reports_are_written_by_the_ending_of_their_names(campaign: Path, tmp_pa
     files = opened.report(tmp_path / "results")
     assert files[0] == tmp_path / "results" / "campaign.html"
     assert all(file.is_file() for file in files)
-    with pytest.raises(
-        OptionError,
-        match=r"x\.docx: no ending of a report; expected a name that ends in \.html or \.pdf",
-    ):
+    with pytest.raises(OptionError, match=r"x\.docx: .*\.html or \.pdf"):
         write_report(reduction, tmp_path / "x.docx")
     with pytest.raises(OptionError, match=r"Run has no report.*: Audit, .*, Simulation"):
         write_report(reduction.run, tmp_path / "x.html")

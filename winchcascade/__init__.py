@@ -7,7 +7,6 @@
 
 from __future__ import annotations
 
-from winchcascade.core.public_names import HOMES, public
 from winchcascade.core.version import __version__
 
 TYPE_CHECKING = False  # not from typing, whose import takes longer than all else before `main` answers an interrupt
@@ -70,7 +69,7 @@ __all__ = [
     "write_report",
 ]
 
-HOMES |= {
+_HOMES = {
     "Bin": "reduction.bins",
     "Calibration": "diagnosis.handover.calibrate",
     "CampaignReduction": "reduction.campaign_record",
@@ -115,6 +114,8 @@ def __getattr__(name: str) -> Any:
     """Import a public name where it is first used, so that `winchcascade --help` waits for none
     of them.
     """
-    if name not in HOMES:
+    from importlib import import_module
+
+    if name not in _HOMES:
         raise AttributeError(f"module 'winchcascade' has no attribute {name!r}")
-    return public(name)
+    return getattr(import_module(f"winchcascade.{_HOMES[name]}"), name)

@@ -17,13 +17,19 @@ from calls import call
 from diagnosed import PLANTED, SUSPECTS, write_campaign
 from rigs import calibrated_rig
 
-from winchcascade.core.errors import OptionError
+from winchcascade.core.errors import OptionError, RigError
 from winchcascade.core.integrate import white_noise
 from winchcascade.core.quantity import Quantity
 from winchcascade.design.run_plan import Basis, RunPlan, after, before, determine, separate
 from winchcascade.diagnosis.diagnose import diagnose
 from winchcascade.diagnosis.diagnosis_result import Alternative
-from winchcascade.diagnosis.explain.planned_run import planned, prospect_of, usual
+from winchcascade.diagnosis.explain.planned_run import (
+    PlannedRun,
+    Setting,
+    planned,
+    prospect_of,
+    usual,
+)
 from winchcascade.diagnosis.explain.planning import listed, options_after, plan_run
 from winchcascade.diagnosis.fit.nuisances import with_quantity
 from winchcascade.diagnosis.fit.rig_problem import RigProblem
@@ -201,6 +207,26 @@ def test_a_listed_pair_that_the_logs_know_together_alone_is_not_planned_for(
     experiment = plan_run(copper.data, together, causes)
     assert experiment is not None
     assert experiment.separates == ("copper_heating", "ke_rolloff")
+
+
+@pytest.mark.parametrize("share", [0.035, 1e-3])
+def test_no_run_is_planned_that_the_rig_of_the_best_fit_could_not_make(
+    copper: ModelDiagnosis, share: float
+) -> None:
+    """With a light rotor the slower runs cannot be stepped, with a lighter one none of them."""
+    data = copy(copper.data)
+    shaft = data.nominal.drivetrain
+    light = shaft._replace(inertia_rotor=share * shaft.inertia_rotor)
+    data.nominal = msgspec.structs.replace(data.nominal, drivetrain=light)
+    with pytest.raises(RigError):
+        prospect_of(*_options(data, copper))
+    assert plan_run(data, copper.found, copper.fitted) is None
+
+
+def _options(data: Fitted, found: ModelDiagnosis) -> tuple[Setting, list[PlannedRun]]:
+    options = options_after(data, found.found)
+    assert options is not None
+    return options
 
 
 PROMISED = 0.1

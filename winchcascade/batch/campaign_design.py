@@ -14,6 +14,7 @@ import msgspec
 from winchcascade.batch.campaign_diagnosis import diagnose_listed
 from winchcascade.core.campaign_file import CAMPAIGN_FILE, load_campaign
 from winchcascade.core.errors import OptionError
+from winchcascade.core.number_table import number_rows
 from winchcascade.design.operating import Motion, motion_of_run
 from winchcascade.design.run_plan import MOST, RunPlan, after, before, determine
 from winchcascade.design.run_plan import separate as split
@@ -37,14 +38,15 @@ Sea = list[tuple[float, float]]
 
 
 def corrected_by(
-    source: Path, rig: str | None, on_progress: Callable[[str], None]
+    source: Path, rig: str | None, on_progress: Callable[[str], None], *, force: bool = False
 ) -> tuple[RigPosterior, Tested]:
     """The corrected rig of a campaign, which is diagnosed, or of the JSON of a diagnosis, and what
     its logs cover.
 
     Raises
     ------
-    OptionError : the JSON is no diagnosis by a model, or the rig has no model
+    OptionError : the JSON is no diagnosis by a model, the rig has no model, or the gap is
+        unexplained and `force` does not allow to go on
     WinchcascadeError : the campaign cannot be diagnosed
     """
     if source.suffix.casefold() == ".json":
@@ -53,12 +55,15 @@ def corrected_by(
                 f"--rig {rig}: a diagnosis has its rig already; leave --rig out, or give the "
                 f"campaign."
             )
-        return posterior_from(_record(source).get("posterior"), str(source))
-    found = _diagnosed(source, rig, on_progress)
-    tested = tested_by(found)
-    if tested is None:
-        raise OptionError(f"{source}: no log has a payout; expected one at least.")
-    return posterior_of_rig(found), tested
+        posterior, tested = posterior_from(_record(source).get("posterior"), str(source))
+    else:
+        found = _diagnosed(source, rig, on_progress)
+        covered = tested_by(found)
+        if covered is None:
+            raise OptionError(f"{source}: no log has a payout; expected one at least.")
+        posterior, tested = posterior_of_rig(found), covered
+    tested.judgement.check(f"{source}", force=force)
+    return posterior, tested
 
 
 def _diagnosed(source: Path, rig: str | None, on_progress: Callable[[str], None]) -> ModelDiagnosis:
@@ -101,44 +106,27 @@ def motions_of(path: Path | None) -> tuple[Motion | None, Sea]:
     """
     if path is None:
         return None, []
-    sea = _sea(path)
-    if sea:
-        return None, sea
+    if _lists_speeds(path):
+        expected = "a speed in m/s and a number of cycles, both above 0"
+        rows = number_rows(path, SEA, _is_speed, expected)
+        return None, [(speed, count) for speed, count in rows]
     return motion_of_run(read_run(path, campaign=False)), []
 
 
-def _sea(path: Path) -> Sea:
-    """Speeds of a table; empty where the file is none."""
+def _lists_speeds(path: Path) -> bool:
+    """Whether a file is a table of speeds, and not a log of any format."""
     if not path.is_file():  # a device may have no end
-        return []
+        return False
     try:
         with path.open(encoding="utf-8-sig") as file:
             head = file.readline(LONGEST_HEAD)
-            if tuple(cell.strip() for cell in head.split(",")) != SEA:
-                return []
-            lines = file.read().splitlines()
-    except (OSError, ValueError):  # a log, of any format
-        return []
-    found = []
-    for number, line in enumerate(lines, 2):
-        if not line.strip():
-            continue
-        try:
-            speed, count = map(float, line.split(","))
-        except ValueError:
-            speed = count = -1.0
-        if not (0.0 < speed < math.inf and 0.0 < count < math.inf):
-            raise OptionError(
-                f"{path}: line {number} is {line!r}; expected a speed in m/s and a number of "
-                f"cycles, both above 0."
-            )
-        found.append((speed, count))
-    if not found:
-        raise OptionError(
-            f"{path}: no row below {','.join(SEA)}; expected a speed and a number of cycles in "
-            f"each."
-        )
-    return found
+    except (OSError, ValueError):
+        return False
+    return tuple(cell.strip() for cell in head.split(",")) == SEA
+
+
+def _is_speed(speed: float, count: float) -> bool:
+    return 0.0 < speed < math.inf and 0.0 < count < math.inf
 
 
 # ------------------------------------------------------------------------------------------ plans

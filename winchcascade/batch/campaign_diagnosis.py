@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from datetime import UTC
 from functools import partial
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,11 +23,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_n
 from winchcascade.diagnosis.diagnosis_result import Entries
 from winchcascade.diagnosis.handover.rig_text import corrected_rig, corrected_rig_text
 from winchcascade.diagnosis.own_simulation import beside_own_simulation, on_the_logs
-from winchcascade.diagnosis.stages.diagnose_stages import (
-    StageClosure,
-    StageDiagnosis,
-    diagnose_stages,
-)
+from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis, diagnose_stages
 from winchcascade.ingest.read import read_by, read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.report.results.diagnosis_record import as_json
@@ -41,7 +38,9 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.fit.suspects import Suspects
-    from winchcascade.diagnosis.stages.stage_rows import StageData
+
+    Prediction = tuple[str, str, Callable[..., None]]
+    """Folder and log of a prediction, and what writes its file."""
 
 
 HEADER = "Time (s),Cycle,Predicted {} (W)"
@@ -191,37 +190,43 @@ def diagnose_listed(
     the_rig = with_thresholds(the_rig, runs)
     cycles = [entry.cycles for entry in campaign.runs]
     marked = [entry.withheld for entry in campaign.runs]
-    if not isinstance(model, NoModel):
-        withheld = withheld_numbers(loads, runs, marked)
-        simulations = read_simulations(campaign, the_rig, runs, on_progress)
-        if simulations is not None:
-            simulations = on_the_logs(simulations, runs, the_rig, cycles)
-        windows = [entry.window for entry in campaign.runs]
-        found = diagnose(
-            runs, the_rig, suspects, title=campaign.name, cycles=cycles, windows=windows, withheld=withheld, seed=seed,
-            on_progress=on_progress,
-        )  # fmt: skip
-        if simulations is None:
-            return found
-        return beside_own_simulation(found, simulations, windows=windows, on_progress=on_progress)
+    if isinstance(model, NoModel):
+        _check_without_model(campaign, the_rig, runs, model, loads)
+        withheld = [k for k, held in enumerate(marked) if held]
+        entries = Entries(runs, cycles, withheld, campaign.name)
+        return diagnose_stages(entries, the_rig, suspects, seed=seed, on_progress=on_progress)
+    withheld = withheld_numbers(loads, runs, marked)
+    simulations = read_simulations(campaign, the_rig, runs, on_progress)
+    if simulations is not None:
+        simulations = on_the_logs(simulations, runs, the_rig, cycles)
+    windows = [entry.window for entry in campaign.runs]
+    found = diagnose(
+        runs, the_rig, suspects, title=campaign.name, cycles=cycles, windows=windows,
+        withheld=withheld, seed=seed, on_progress=on_progress,
+    )  # fmt: skip
+    if simulations is None:
+        return found
+    return beside_own_simulation(found, simulations, windows=windows, on_progress=on_progress)
+
+
+def _check_without_model(
+    campaign: Campaign, rig: Rig, runs: Sequence[Run], model: NoModel, loads: Sequence[float]
+) -> None:
+    """Reject what only a diagnosis by a model can use, and a rig of which no stage is known."""
     if any(entry.simulated is not None for entry in campaign.runs):
         raise CampaignError(
             f"{campaign.path}: a simulation of your own is compared by the model of the rig, but "
             f"{model.why} Complete the rig "
             "file, or leave the simulation out."
         )
-    stated = the_rig.sensors, the_rig.columns, *(run.channels for run in runs)
-    if not the_rig.cascade.configured and not any("power_mech" in names for names in stated):
+    stated = rig.sensors, rig.columns, *(run.channels for run in runs)
+    if not rig.cascade.configured and not any("power_mech" in names for names in stated):
         raise RigError(model.why)
     if loads:
         raise OptionError(
-            f"--withhold {loads[0]:g}: rig {the_rig.name} has no load; withhold cycles instead, "
-            f"by a [[run]] with "
-            f"cycles and withheld = true in {campaign.path.name}."
+            f"--withhold {loads[0]:g}: rig {rig.name} has no load; withhold cycles instead, by a "
+            f"[[run]] with cycles and withheld = true in {campaign.path.name}."
         )
-    withheld = [k for k, held in enumerate(marked) if held]
-    entries = Entries(runs, cycles, withheld, campaign.name)
-    return diagnose_stages(entries, the_rig, suspects, seed=seed, on_progress=on_progress)
 
 
 def diagnose_campaign(campaign_toml: Path, *, suspects: Suspects = EFFECTS) -> dict[str, object]:
@@ -246,12 +251,54 @@ def write_predictions(
     OutputError : a file cannot be written, or is not this tool's own and `force` does not allow to
         replace it
     """
+    predictions = _powers(found) if isinstance(found, StageDiagnosis) else _simulated(found)
     written = []
-    for side, log, write in _predictions(found):
+    for side, log, write in predictions:
         (folder / side).mkdir(parents=True, exist_ok=True)
         written.append(folder / side / f"{log.rpartition('.')[0] or log}.csv")
         write(written[-1], force=force)
     return written
+
+
+def _simulated(found: ModelDiagnosis) -> Iterator[Prediction]:
+    """Simulated logs of the withheld runs, without and with the causes."""
+    data, own = found.data, found.own_simulation
+    for k, fit in found.closure.predictions.items() if found.closure is not None else ():
+        run, after = data.logs[k].run, data.models(fit.nu, fit.effects(found.suspects))[k]
+        if own is None:
+            yield "before", run.name, partial(write_log, simulate(run, data.nominal))
+        else:
+            yield "before", run.name, partial(write_simulated, own.runs[k])
+        yield "after", run.name, partial(write_log, simulate(run, after))
+
+
+def _powers(found: StageDiagnosis) -> Iterator[Prediction]:
+    """Power of the judged cycles of each stage by log: middles of the blocks [s], cycles and
+    power [W] in order of time.
+    """
+    if found.closure is None:
+        return
+    rows, data = found.closure.rows, found.data
+    predicted = {"before": rows.given, "after": rows.given + rows.gap - found.closure.after}
+    names = np.array([part.run.name for part in data.parts])[rows.part]
+    for (side, power), (number, path) in product(predicted.items(), enumerate(data.paths)):
+        table, stage = np.column_stack([rows.t, rows.own_cycle, power]), path.out.name
+        header = HEADER.format("mechanical power" if stage == "mech" else f"power of {stage}")
+        of_stage = rows.path == number
+        for name in np.unique(names[of_stage]).tolist():
+            here = np.flatnonzero(of_stage & (names == name))
+            ordered = table[here[np.argsort(rows.t[here])]]
+            log = name if len(data.paths) == 1 else f"{name.rpartition('.')[0] or name}_{stage}.csv"
+            yield side, log, partial(_write_power, header, ordered)
+
+
+def _write_power(header: str, rows: Signal, path: Path, *, force: bool) -> None:
+    formats = ["%.6f" if rows[-1, 0] < 1e6 else "%.3f", "%d", "%.9g"]
+    write_whole(
+        path,
+        lambda part: np.savetxt(part, rows, fmt=formats, delimiter=",", header=header, comments=""),
+        force=force,
+    )
 
 
 def write_corrected_rig(
@@ -278,55 +325,3 @@ def write_corrected_rig(
         return False
     write_content(path, corrected_rig_text(found), force=force)
     return True
-
-
-def _predictions(
-    found: ModelDiagnosis | StageDiagnosis,
-) -> Iterator[tuple[str, str, Callable[..., None]]]:
-    """Folder, name of the log, and what writes the file of each prediction."""
-    if found.closure is None:
-        return
-    if isinstance(found, StageDiagnosis):
-        for side in ("before", "after"):
-            for name, header, rows in _predicted_power(found.closure, found.data, side):
-                yield side, name, partial(_write_power, header, rows)
-        return
-    data, own = found.data, found.own_simulation
-    for k, fit in found.closure.predictions.items():
-        run, after = data.logs[k].run, data.models(fit.nu, fit.effects(found.suspects))[k]
-        if own is None:
-            yield "before", run.name, partial(write_log, simulate(run, data.nominal))
-        else:
-            yield "before", run.name, partial(write_simulated, own.runs[k])
-        yield "after", run.name, partial(write_log, simulate(run, after))
-
-
-def _predicted_power(
-    judged: StageClosure, data: StageData, side: str
-) -> Iterator[tuple[str, str, Signal]]:
-    """Name of each file, its header, and middles of the blocks [s], cycles and predicted power
-    [W], (k, 3) in order of time.
-    """
-    rows = judged.rows
-    predicted = rows.given if side == "before" else rows.given + rows.gap - judged.after
-    table = np.column_stack([rows.t, rows.own_cycle, predicted])
-    names = np.array([part.run.name for part in data.parts])[rows.part]
-    for number, path in enumerate(data.paths):
-        what = "mechanical power" if path.out.name == "mech" else f"power of {path.out.name}"
-        for name in np.unique(names).tolist():
-            here = (names == name) & (rows.path == number)
-            file = (
-                name
-                if len(data.paths) == 1
-                else f"{name.rpartition('.')[0] or name}_{path.out.name}.csv"
-            )
-            yield file, HEADER.format(what), table[here][np.argsort(rows.t[here])]
-
-
-def _write_power(header: str, rows: Signal, path: Path, *, force: bool) -> None:
-    formats = ["%.6f" if rows[-1, 0] < 1e6 else "%.3f", "%d", "%.9g"]
-    write_whole(
-        path,
-        lambda part: np.savetxt(part, rows, fmt=formats, delimiter=",", header=header, comments=""),
-        force=force,
-    )

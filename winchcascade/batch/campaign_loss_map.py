@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from winchcascade.core.errors import LogError, OptionError
+from winchcascade.core.files import check_ending
 from winchcascade.diagnosis.stages.stage_map import LossMap, make_loss_map
 from winchcascade.ingest.read import read_by
-from winchcascade.report.results.loss_map import check_ending
+from winchcascade.report.results.loss_map import ENDINGS
 
 if TYPE_CHECKING:
     from winchcascade.batch.plan import Plan
@@ -22,7 +23,7 @@ def check_one_map(plan: Plan, path: Path) -> None:
     ------
     OptionError : an ending of the file that names no format, or logs of different rigs
     """
-    check_ending(path)
+    check_ending(path, ENDINGS, "--loss-map")
     rigs = [item.settings.rig for item in plan.work]
     if any(rig != rigs[0] for rig in rigs):
         raise OptionError(

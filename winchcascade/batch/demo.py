@@ -9,13 +9,14 @@ from pathlib import Path
 
 import msgspec
 
+from winchcascade.batch.reductions import rendered
 from winchcascade.batch.results_pages import write_index
 from winchcascade.batch.run_batch import REPORTS
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import check_replaceable, write_content, write_set
-from winchcascade.core.jobs import set_threads
 from winchcascade.core.store import (
     CAMPAIGN_PAGE,
+    DIAGNOSIS_FILES,
     DIAGNOSIS_RECORD,
     INDEX,
     Output,
@@ -47,7 +48,7 @@ def copy_campaign(folder: Path, *, force: bool = False) -> Path:
     OutputError : a file of that name with another content is there, and `force` does not allow to
         replace it
     """
-    make_one(folder, "another")
+    make_one(folder)
     for source in sorted(packaged_campaign().iterdir()):
         copy, content = folder / source.name, source.read_bytes()
         if copy.is_file() and copy.read_bytes() == content:
@@ -66,12 +67,10 @@ def diagnosis_output(campaign: Path) -> Output:
     """
     files = {path.name: fingerprint(path) for path in sorted(campaign.parent.iterdir())}
     key = digest_of(repr((__version__, files)).encode())
-    return Output(
-        DIAGNOSIS_RECORD, "store", key, tuple(f"diagnosis.{ending}" for ending in REPORTS["all"])
-    )
+    return Output(DIAGNOSIS_RECORD, "store", key, DIAGNOSIS_FILES[:-1])
 
 
-def diagnosis_of(campaign: Path, command: str, threads: int) -> dict[str, bytes]:
+def diagnosis_of(campaign: Path, command: str) -> dict[str, bytes]:
     """Diagnose a campaign with all effects: its files and its record, by their names.
 
     Parameters
@@ -80,27 +79,21 @@ def diagnosis_of(campaign: Path, command: str, threads: int) -> dict[str, bytes]
     """
     from winchcascade.batch.campaign_diagnosis import diagnose_listed
     from winchcascade.core.campaign_file import load_campaign
-    from winchcascade.report.render.page import page_text
-    from winchcascade.report.render.pdf import pdf_bytes
     from winchcascade.report.results.campaign_index import links_to
     from winchcascade.report.results.diagnosis import diagnosis_report
     from winchcascade.report.results.diagnosis_record import as_json
     from winchcascade.rig.effects.catalogue import EFFECTS
 
-    set_threads(threads)
     output = diagnosis_output(campaign)
     found = diagnose_listed(load_campaign(campaign), EFFECTS)
     report = diagnosis_report(found, command=command)
     report = msgspec.structs.replace(report, links=links_to([CAMPAIGN_PAGE, INDEX]))
-    renderers = {".html": lambda: page_text(report).encode(), ".pdf": lambda: pdf_bytes(report)}
-    files = {name: renderers[Path(name).suffix]() for name in output.files}
+    contents = rendered(report, REPORTS["all"])
+    files = {f"diagnosis.{ending}": content for ending, content in contents.items()}
     digests = {name: digest_of(content) for name, content in files.items()}
+    record = as_json(found) | {"version": __version__}
     made_by = {"key": output.key, "files": digests}
-    return files | {
-        output.record: with_digest(
-            as_json(found) | {"version": __version__}, output.entry, made_by, indent=1
-        )
-    }
+    return files | {output.record: with_digest(record, output.entry, made_by, indent=1)}
 
 
 def write_diagnosis(
@@ -120,7 +113,8 @@ def write_diagnosis(
     with locked(
         folder, lambda place: on_progress(f"waiting for another call that works in {place}")
     ):
-        for name in files:
-            check_replaceable(inside(folder, name), force=force)
-        write_set({folder / name: content for name, content in files.items()})
+        paths = {inside(folder, name): content for name, content in files.items()}
+        for path in paths:
+            check_replaceable(path, force=force)
+        write_set(paths)
         write_index(folder)

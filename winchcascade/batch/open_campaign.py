@@ -20,7 +20,8 @@ from winchcascade.core.arguments import (
     check_arguments,
 )
 from winchcascade.core.campaign_file import load_campaign
-from winchcascade.core.errors import OptionError, check_type
+from winchcascade.core.errors import check_type
+from winchcascade.core.files import check_ending
 from winchcascade.core.jobs import Workers
 from winchcascade.core.store import CAMPAIGN_PAGE, CAMPAIGN_RECORD, INDEX
 from winchcascade.core.viewed import LateModule
@@ -177,6 +178,7 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
             allow to replace them
         """
         from winchcascade.batch.run_batch import DATASET, REPORTS, Products, run_batch
+        from winchcascade.report.render.publish import ENDINGS
         from winchcascade.report.views import write_report
 
         check_arguments(
@@ -184,10 +186,7 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         )
         path = Path(path)
         if path.suffix and not path.is_dir():
-            if path.suffix.casefold() not in (".html", ".pdf"):
-                raise OptionError(
-                    f"{path}: no ending of a report; expected .html, .pdf, or a folder."
-                )
+            check_ending(path, ENDINGS)
             return [write_report(self.reduce(jobs=jobs), path, force=force)]
         batch = run_batch(
             self.plan, path, Products(REPORTS["html"]), workers=Workers(jobs), force=force

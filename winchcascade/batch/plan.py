@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from winchcascade.core.campaign_file import CAMPAIGN_FILE, Campaign, load_campaign
 from winchcascade.core.campaign_settings import LogSettings, listed_settings
 from winchcascade.core.errors import CampaignError, OptionError
-from winchcascade.core.plain_text import one_line
+from winchcascade.core.plain_text import first_of, one_line
 from winchcascade.core.rig_toml import first_named
 from winchcascade.core.store import CAMPAIGN_RECORD, digest_of, fingerprint, joint_digest
 from winchcascade.core.version import __version__
@@ -111,43 +111,31 @@ def _of_target(target: str, rig: str | None, window: str | float | None) -> tupl
             f"{target}: is an address; expected a path. Mount the store, or copy its logs to a "
             f"disk."
         )
-    path = Path(target)
-    if path.is_dir() and not (path / CAMPAIGN_FILE).is_file():
-        files = sorted(
-            str(file) for file in path.iterdir() if file.is_file() and not file.name.startswith(".")
-        )
-        return path.resolve().name, _of_logs(_logs_only(files, str(path)), rig, window)
-    if path.is_dir() or path.suffix == ".toml":
+    path, of_logs = Path(target), lacks_campaign(target)
+    if path.is_file() and path.suffix != ".toml":
+        return path.name, _of_logs([target], rig, window)
+    if (path.is_dir() or path.suffix == ".toml") and not of_logs:
         campaign = load_campaign(path)
         return campaign.title or path.resolve().name, _of_campaign(campaign, rig, window)
-    if path.is_file():
-        return path.name, _of_logs([target], rig, window)
-    files = [match for match in sorted(glob.glob(target, recursive=True)) if Path(match).is_file()]
-    if not files:
+    pattern = os.path.join(glob.escape(str(path)), "*") if of_logs else target
+    files = [file for file in sorted(glob.glob(pattern, recursive=True)) if os.path.isfile(file)]
+    if not files and not of_logs:
         raise OptionError(
             f"{target}: no such file, folder or pattern; expected a campaign.toml, a folder of "
             f"logs or logs."
         )
-    return target, _of_logs(_logs_only(files, target), rig, window)
-
-
-def without_campaign(targets: Sequence[str]) -> list[str]:
-    """Targets that are folders without a campaign file."""
-    return [
-        target
-        for target in targets
-        if Path(target).is_dir() and not (Path(target) / CAMPAIGN_FILE).is_file()
-    ]
-
-
-def _logs_only(files: Sequence[str], target: str) -> list[str]:
     logs = [file for file in files if is_log(file) and not is_result(file)]
     if not logs:
         raise OptionError(
             f"{target}: no log found; expected files that end in "
             f"{', '.join(sorted(LOG_ENDINGS))}, or a {CAMPAIGN_FILE}."
         )
-    return logs
+    return path.resolve().name if of_logs else target, _of_logs(logs, rig, window)
+
+
+def lacks_campaign(target: str) -> bool:
+    """Whether a target is a folder without a campaign file."""
+    return os.path.isdir(target) and not os.path.isfile(os.path.join(target, CAMPAIGN_FILE))
 
 
 def is_log(file: str) -> bool:
@@ -201,7 +189,7 @@ def _title(titles: Sequence[str]) -> str:
     unique = list(dict.fromkeys(titles))
     if not unique:
         raise CampaignError("no target; expected a campaign.toml, a folder of logs or logs.")
-    return unique[0] if len(unique) == 1 else f"{unique[0]} and {len(unique) - 1} more"
+    return first_of(unique, 1)
 
 
 def _named(work: Sequence[Work]) -> list[Work]:

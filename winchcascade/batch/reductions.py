@@ -7,6 +7,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 from msgspec import UNSET
@@ -34,6 +35,9 @@ from winchcascade.reduction.run_record import (
 )
 from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
 from winchcascade.reduction.wave_energies import LogWaves, campaign_waves
+
+if TYPE_CHECKING:
+    from winchcascade.report.content import Report
 
 ENTRY = "batch"
 """Entry of the record of a log that states how it was made."""
@@ -84,16 +88,22 @@ def _reports(
 ) -> tuple[dict[str, bytes], object]:
     """Reports of a log, and the account of its model, which the report of the campaign draws."""
     from winchcascade.diagnosis.explain.model_comparison import modelled
-    from winchcascade.report.render.page import page_text
-    from winchcascade.report.render.pdf import pdf_bytes
     from winchcascade.report.results.campaign_index import links_to
     from winchcascade.report.results.reduction import reduction_report
 
     model = modelled(reduction)
     report = reduction_report(reduction, found, model=model, command=command)
-    report = replace(report, links=links_to([CAMPAIGN_PAGE, INDEX], above=True))
+    links = links_to([CAMPAIGN_PAGE, INDEX], above=True)
+    return rendered(replace(report, links=links), endings), model
+
+
+def rendered(report: Report, endings: Sequence[str]) -> dict[str, bytes]:
+    """Content of the files of a report, by their endings."""
+    from winchcascade.report.render.page import page_text
+    from winchcascade.report.render.pdf import pdf_bytes
+
     files = {"html": page_text(report).encode()} if "html" in endings else {}
-    return files | ({"pdf": pdf_bytes(report)} if "pdf" in endings else {}), model
+    return files | ({"pdf": pdf_bytes(report)} if "pdf" in endings else {})
 
 
 def reduce_campaign(plan: Plan, workers: Workers) -> CampaignReduction:

@@ -113,7 +113,7 @@ def run_batch(
     make_folder(out, ours=(out / "runs").is_dir(), what="a batch", force=force)
     with locked(out, watch.waiting):
         runs = inside(out, "runs")
-        make_one(runs, "another")
+        make_one(runs)
         there = {work.name: state_of(runs, result_of(work, products.reports)) for work in plan.work}
         todo = {work.name: work for work in plan.work if not there[work.name].kept}
         _check_own(out, todo, force=force)

@@ -9,7 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from winchcascade.core.errors import OptionError
+from winchcascade.core.number_table import number_rows
 from winchcascade.core.scales import motion_of_runs
+from winchcascade.design.operating import require_positive
 from winchcascade.ingest.read import read_run
 from winchcascade.rig.line_velocity import line_velocity
 from winchcascade.sea.sea_study import BINS, Seas
@@ -48,9 +50,8 @@ def seas_of(
     OptionError : none or several are given, or a number that is none
     LogError : the log cannot be read
     """
-    if [scatter is not None, motion is not None, bool(heights or periods)].count(True) != 1 or (
-        not heights
-    ) != (not periods):
+    ways = [scatter is not None, motion is not None, bool(heights or periods)]
+    if sum(ways) != 1 or bool(heights) != bool(periods):
         raise OptionError("sea: expected --hs M and --tp S, --scatter FILE, or --motion LOG.")
     numbers = {
         "--hs": heights,
@@ -58,16 +59,12 @@ def seas_of(
         "--bins": bins,
         "--froude": [froude],
         "--minutes": [minutes],
+        "--gamma": [gamma],
     }
-    for option, given in {**numbers, "--gamma": [gamma]}.items():
-        if not all(0.0 < number < math.inf for number in given):
-            raise OptionError(
-                f"{option} {','.join(f'{x:g}' for x in given)}: expected finite numbers above 0."
-            )
+    for option, given in numbers.items():
+        require_positive(option, given)
     if len(bins) != len(BINS):
-        raise OptionError(
-            f"--bins {','.join(f'{x:g}' for x in bins)}: expected a height [m] and a period [s]."
-        )
+        raise OptionError(f"--bins: {len(bins)} numbers; expected a height [m] and a period [s].")
     if motion is not None:
         return _of_log(motion, froude, seed)
     found = (
@@ -106,39 +103,22 @@ def _of_log(path: Path, froude: float, seed: int) -> Seas:
 
 def _binned(path: Path, bins: Sequence[float]) -> dict[tuple[float, float], float]:
     """Hours by the middles of the bins of a scatter table, in their order."""
-    try:
-        head, *lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, ValueError) as fault:
-        raise OptionError(
-            f"--scatter {path}: cannot be read ({fault}); expected {','.join(SCATTER)}."
-        ) from None
-    if tuple(cell.strip() for cell in head.split(",")) != SCATTER:
-        raise OptionError(
-            f"--scatter {path}: begins with {head[:60]!r}; expected {','.join(SCATTER)}."
-        )
-    found: dict[tuple[float, float], float] = {}
-    for number, line in enumerate(lines, 2):
-        if not line.strip():
-            continue
-        try:
-            hs, tp, hours = map(float, line.split(","))
-        except ValueError:
-            hs = tp = hours = -1.0
-        if not (0.0 < hs < math.inf and 0.0 < tp < math.inf and 0.0 <= hours < math.inf):
-            raise OptionError(
-                f"--scatter {path}: line {number} is {line[:60]!r}; expected a height [m] and a "
-                f"period [s] above 0, and hours."
-            )
-        middle = tuple(round(x / width) * width for x, width in zip((hs, tp), bins, strict=True))
+    found: dict[tuple[float, ...], float] = {}
+    expected = "a height [m] and a period [s] above 0, and hours"
+    for *sea, hours in number_rows(path, SCATTER, _is_sea, expected, "--scatter"):
+        middle = tuple(round(x / width) * width for x, width in zip(sea, bins, strict=True))
         if not all(middle):
             raise OptionError(
-                f"--scatter {path}: line {number} lies in a bin about 0; expected seas above half "
-                f"of {bins[0]:g} m and "
-                f"{bins[1]:g} s, so give narrower --bins."
+                f"--scatter {path}: {sea[0]:g} m and {sea[1]:g} s lie in a bin about 0; expected "
+                f"seas above half of {bins[0]:g} m and {bins[1]:g} s, so give narrower --bins."
             )
-        place = round(middle[0], 9), round(middle[1], 9)
+        place = tuple(round(x, 9) for x in middle)
         found[place] = found.get(place, 0.0) + hours
-    known = {place: hours for place, hours in sorted(found.items()) if hours > 0.0}
+    known = {(hs, tp): hours for (hs, tp), hours in sorted(found.items()) if hours > 0.0}
     if not known:
         raise OptionError(f"--scatter {path}: no row with hours below {','.join(SCATTER)}.")
     return known
+
+
+def _is_sea(hs: float, tp: float, hours: float) -> bool:
+    return 0.0 < hs < math.inf and 0.0 < tp < math.inf and 0.0 <= hours < math.inf

@@ -298,7 +298,7 @@ def diagnose(
     workers, watch = workers or Workers(), watch or Nobody()
     names = tuple(name for name in case_names(folder) if only is None or name in only)
     out = inside(folder, DIAGNOSES) if diagnoses is None else diagnoses
-    make_one(out, "another folder")
+    make_one(out)
     with locked(out, watch.waiting):
         keys = {name: _key(inside(folder, name)) for name in names}
         earlier = {name: kept(inside(out, f"{name}.json"), "trial") for name in names}

@@ -8,11 +8,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from typer.core import TyperGroup, TyperOption
 
-from winchcascade.cli.help import CommandList, GroupedCommand
+from winchcascade.cli.help import GroupedCommand
 from winchcascade.cli.outputs import show
-from winchcascade.report.screen import QUIET, line_width
+from winchcascade.report.screen import line_width
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -55,7 +54,6 @@ def command_line(first: str | None) -> Command:
     reduction of a short log.
     """
     app = typer.Typer(
-        cls=CommandList,
         help=SUMMARY,
         no_args_is_help=True,
         pretty_exceptions_enable=False,
@@ -73,24 +71,7 @@ def command_line(first: str | None) -> Command:
             app.add_typer(command, name=name)
         else:
             app.command(name, cls=GroupedCommand)(command)
-    whole = typer.main.get_command(app)
-    _add_quiet(whole)
-    return whole
-
-
-def _add_quiet(command: Command) -> None:
-    """Give a command, or those below it, the option that every command has."""
-    if isinstance(command, TyperGroup):
-        for below in command.commands.values():
-            _add_quiet(below)
-    else:
-        command.params.append(
-            TyperOption(
-                param_decls=["--quiet"], is_flag=True, expose_value=False, help="Print only what "
-                                                                                "fails.",
-                callback=lambda _context, _option, wanted: QUIET.set(wanted),
-            )
-        )  # fmt: skip
+    return typer.main.get_command(app)
 
 
 MATTERING = ("numpy", "scipy", "numba", "pyarrow", "matplotlib", "typst")

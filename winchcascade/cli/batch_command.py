@@ -15,7 +15,8 @@ from winchcascade.cli.options import INPUT, OUTPUTS, check_load, option, with_op
 from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, given_command, present, show
 from winchcascade.cli.progress import Progress, status_line
 from winchcascade.core.errors import OptionError
-from winchcascade.core.jobs import Workers, one_thread_each, processes
+from winchcascade.core.jobs import Workers, processes, use_threads
+from winchcascade.core.plain_text import first_of
 from winchcascade.core.store import (
     CAMPAIGN_FILES,
     CAMPAIGN_PAGE,
@@ -64,7 +65,7 @@ def batch_command(
     A second call reduces only logs of which the content, the options or the version changed. The
     exit code is 1 if a log failed.
     """
-    from winchcascade.batch.plan import make_plan, without_campaign
+    from winchcascade.batch.plan import lacks_campaign, make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.reduction.reduce import window_rule
 
@@ -84,7 +85,7 @@ def batch_command(
     )
     with Progress(plan.title, keeps=out) as watch:
         batch = run_batch(plan, out, products, workers=workers, force=outputs.force, watch=watch)
-    no_campaign = [] if load_ohm else without_campaign(targets)
+    no_campaign = [] if load_ohm else list(filter(lacks_campaign, targets))
     _present(batch, outputs.without("loss_map"), drafted_by=no_campaign)
     if outputs["loss_map"] is not None:
         _present_loss_map(plan, batch, products, outputs["loss_map"], force=outputs.force)
@@ -133,8 +134,7 @@ def _present(
     from winchcascade.report.content import Note, Report
     from winchcascade.report.results.campaign import fault_notes, written_campaign
 
-    named, more = ", ".join(batch.altered[:MAX_ALTERED]), len(batch.altered) - MAX_ALTERED
-    named += f" and {more} more" if more > 0 else ""
+    named = first_of(batch.altered, MAX_ALTERED)
     notes = [
         Note(
             f"{batch.kept} of {len(batch.results)} logs reduced by an earlier call."
@@ -190,7 +190,7 @@ def demo_command(
     """Reduce and diagnose the packaged campaign, simulated crane trials at seven loads, and
     write all reports.
     """
-    one_thread_each()
+    use_threads(jobs)
     from winchcascade.batch.demo import (
         copy_campaign,
         diagnosis_of,
@@ -202,21 +202,18 @@ def demo_command(
     from winchcascade.report.content import Report
     from winchcascade.report.results.diagnosis_words import diagnosis_note
 
-    campaign, results, count = (
-        copy_campaign(out / "campaign", force=force),
-        out / "results",
-        jobs or processes(),
-    )
+    campaign, results = copy_campaign(out / "campaign", force=force), out / "results"
     plan = make_plan([str(campaign)])
     products = Products(REPORTS["all"], workbook=True, command=given_command())
     diagnosis = diagnosis_output(campaign)
     kept = not force and state_of(results, diagnosis).kept
+    workers = Workers(jobs or processes())
     with Progress(plan.title, keeps=out) as watch:
-        batch = run_batch(plan, results, products, workers=Workers(count), force=force, watch=watch)
+        batch = run_batch(plan, results, products, workers=workers, force=force, watch=watch)
     _present(batch)
     if not kept:
         with status_line(f"diagnosing {plan.title}") as on_progress:
-            found_files = diagnosis_of(campaign, products.command, count)
+            found_files = diagnosis_of(campaign, products.command)
             write_diagnosis(results, found_files, force=force, on_progress=on_progress)
     found = msgspec.json.decode((results / DIAGNOSIS_RECORD).read_bytes(), type=dict[str, object])
     stated = Report("Diagnosis", "Diagnosis", points=[diagnosis_note(found)])

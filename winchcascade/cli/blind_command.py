@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from winchcascade.cli.help import CommandList, GroupedCommand
+from winchcascade.cli.help import GroupedCommand
 from winchcascade.cli.options import OUTPUTS, option, with_options
 from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, present
 from winchcascade.cli.progress import Progress
@@ -19,11 +19,12 @@ if TYPE_CHECKING:
 
     from winchcascade.blind.trial import TrialProgress
 
+SUMMARY_OF_TRIALS = (
+    "Test the diagnosis on campaigns of an independent twin of the rig, whose answers are sealed."
+)
+
 blind_command = typer.Typer(
-    cls=CommandList,
-    help="Test the diagnosis on campaigns of an independent twin of the rig, whose answers are "
-    "sealed.",
-    no_args_is_help=True,
+    help=SUMMARY_OF_TRIALS, short_help=SUMMARY_OF_TRIALS, no_args_is_help=True
 )
 
 

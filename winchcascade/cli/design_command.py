@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 
 from winchcascade.cli.options import (
@@ -12,13 +11,13 @@ from winchcascade.cli.options import (
     OUTPUTS,
     argument,
     named_number,
+    numbers,
     option,
     with_options,
 )
 from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present
 from winchcascade.cli.progress import status_line
-from winchcascade.core.errors import OptionError
-from winchcascade.core.jobs import one_thread_each, processes, set_threads
+from winchcascade.core.jobs import use_threads
 
 
 @with_options(
@@ -41,9 +40,9 @@ def design_command(
     motion: Path | None = None,
     loads: str | None = None,
     speeds: str | None = None,
-    current_limit: float | None = None,
-    speed_limit: float | None = None,
-    tension_limit: float | None = None,
+    current_limit: float = math.inf,
+    speed_limit: float = math.inf,
+    tension_limit: float = math.inf,
     threads: int | None = None,
     outputs: Outputs = NO_OUTPUTS,
 ) -> None:
@@ -53,26 +52,18 @@ def design_command(
     Every value has a 95 % interval; points that the logs do not cover and points over a limit are
     flagged. A diagnosis whose gap is unexplained is rejected, unless --force is given.
     """
-    one_thread_each()
+    use_threads(threads)
     from winchcascade.batch.campaign_design import corrected_by, motions_of
-    from winchcascade.core.files import write_content
     from winchcascade.design.design import Limits, check_options, design
     from winchcascade.report.results.design_report import design_record, design_report, schedule_csv
 
     outputs.check([source, motion, rig])
-    set_threads(threads or processes())
     at_loads, at_speeds = numbers("--loads", loads), numbers("--speeds", speeds)
-    limits = Limits(
-        *(
-            math.inf if limit is None else limit
-            for limit in (current_limit, speed_limit, tension_limit)
-        )
-    )
+    limits = Limits(current_limit, speed_limit, tension_limit)
     check_options(at_loads, at_speeds, limits)
     cycle, sea = motions_of(motion)
     with status_line(f"designing with {source.name}") as on_progress:
-        posterior, tested = corrected_by(source, rig, on_progress)
-        tested.judgement.check(f"{source}", force=outputs.force)
+        posterior, tested = corrected_by(source, rig, on_progress, force=outputs.force)
         on_progress("predicting other loads and speeds")
         found = design(
             posterior,
@@ -83,29 +74,13 @@ def design_command(
             speeds=at_speeds,
             limits=limits,
         )
-    if outputs["csv"] is not None:
-        write_content(outputs["csv"], schedule_csv(found), force=outputs.force)
     present(
         lambda: design_report(found, command=given_command()),
         outputs,
         record=lambda: design_record(found),
+        texts={"csv": lambda: schedule_csv(found)},
         name="design",
     )
-
-
-def numbers(flag: str, text: str | None) -> Sequence[float]:
-    """Numbers of an option that are separated by commas; OptionError, before long work begins,
-    for one that is not above 0.
-    """
-    try:
-        found = [float(number) for number in text.split(",")] if text is not None else []
-    except ValueError:
-        found = [math.nan]
-    if not all(number > 0.0 for number in found):
-        raise OptionError(
-            f"{flag} {text}: expected numbers above 0 separated by commas, such as 9,18,36."
-        )
-    return found
 
 
 @with_options(
@@ -139,13 +114,12 @@ def plan_command(
     Runs stand in the order in which they help most, each with what is expected after it, beside
     random runs of the same number.
     """
-    one_thread_each()
+    use_threads(threads)
     from winchcascade.batch.campaign_design import planned_from
     from winchcascade.design.operating import require_positive
     from winchcascade.report.results.plan_report import plan_record, plan_report
 
     outputs.check([source, rig])
-    set_threads(threads or processes())
     wanted = named_number(uncertainty) if uncertainty else None
     at_loads, at_speeds = numbers("--loads", loads), numbers("--speeds", speeds)
     require_positive("--speeds", at_speeds)

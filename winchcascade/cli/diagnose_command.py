@@ -13,8 +13,8 @@ from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command,
 from winchcascade.cli.progress import status_line
 from winchcascade.core.campaign_file import Campaign, load_campaign
 from winchcascade.core.errors import OptionError
-from winchcascade.core.files import is_marked
-from winchcascade.core.jobs import one_thread_each, processes, set_threads
+from winchcascade.core.files import check_ending, is_marked
+from winchcascade.core.jobs import use_threads
 from winchcascade.core.store import CAMPAIGN_PAGE, DIAGNOSIS_FILES, INDEX, locked, make_one
 
 if TYPE_CHECKING:
@@ -65,11 +65,12 @@ def diagnose_command(
     --withhold and without withheld runs, each load is held out once. Stages of a rig without a
     model are diagnosed from the powers at both ends; their cycles are held out in turn.
     """
-    one_thread_each()
+    use_threads(threads)
     from winchcascade.batch.campaign_diagnosis import diagnose_listed
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
     from winchcascade.diagnosis.handover.model_export import check_export
     from winchcascade.diagnosis.stages.beside_model import beside_model
+    from winchcascade.report.render.publish import ENDINGS
     from winchcascade.report.results.diagnosis_record import as_json as diagnosis_record
     from winchcascade.rig.effects.catalogue import suspected
 
@@ -77,12 +78,11 @@ def diagnose_command(
     logs = [run.file for run in listed.runs]
     simulations = [run.simulated for run in listed.runs if run.simulated is not None]
     check_export(outputs["export"])
-    _check_validation(outputs["validation"])
+    check_ending(outputs["validation"], ENDINGS, "--validation")
     predicted = _prediction_files(outputs["predictions"], logs)
     outputs.without("predictions").check(
         [listed.path, *logs, *simulations, rig or listed.rig], predicted
     )
-    set_threads(threads or processes())
     with status_line(f"diagnosing {listed.name}") as on_progress:
         found = diagnose_listed(
             listed, suspects, rig=rig, loads=withhold or (), seed=seed, on_progress=on_progress
@@ -90,11 +90,9 @@ def diagnose_command(
         if stages and isinstance(found, ModelDiagnosis):
             found = beside_model(found, on_progress)
         refused = _refused(found, outputs)
-        for name in refused:
-            outputs = outputs.without(name)
+        outputs = outputs.without(*refused)
         lacking = _write_files(found, outputs)
-    for name in lacking:
-        outputs = outputs.without(name)
+    outputs = outputs.without(*lacking)
     _write_validation(found, outputs)
     present(
         lambda: _linked_report(found, outputs["html"]),
@@ -120,12 +118,6 @@ def _refused(found: DiagnosisResult, outputs: Outputs) -> dict[str, OptionError]
             except OptionError as reason:
                 reasons[name] = reason
     return reasons
-
-
-def _check_validation(path: Path | None) -> None:
-    """Reject, before any work, a name that is neither a page nor a PDF: OptionError."""
-    if path is not None and path.suffix.casefold() not in (".html", ".pdf"):
-        raise OptionError(f"--validation {path}: expected a name that ends in .html or .pdf.")
 
 
 def _listed(campaign: Path, simulated: Path | None) -> Campaign:
@@ -173,10 +165,8 @@ def _write_validation(found: DiagnosisResult, outputs: Outputs) -> None:
             f"--validation {path}: no model can be made of rig {found.rig.name}; leave "
             f"--validation out."
         )
-    ending = path.suffix.casefold().removeprefix(".")
-    publish(
-        validation_report(found, command=given_command()), **{ending: path}, force=outputs.force
-    )
+    report = validation_report(found, command=given_command())
+    publish(report, **{path.suffix.casefold()[1:]: path}, force=outputs.force)
 
 
 def _linked_report(found: DiagnosisResult, html: Path | None) -> Report:
@@ -217,7 +207,7 @@ def _prediction_files(folder: Path | None, logs: Sequence[Path]) -> dict[str, Pa
                 f"the logs names of their own."
             )
     for side in ("before", "after"):
-        make_one(folder / side, "another")
+        make_one(folder / side)
     return {
         f"predictions {side}/{log.stem}": folder / side / f"{log.stem}.csv"
         for side in ("before", "after")

@@ -21,7 +21,6 @@ from winchcascade.cli.options import (
 )
 from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present, show
 from winchcascade.core.errors import OptionError
-from winchcascade.core.files import write_content
 from winchcascade.core.jobs import one_thread_each
 
 if TYPE_CHECKING:
@@ -152,12 +151,11 @@ def calibrate_command(
     outputs.check([log, log.parent / "campaign.toml", settings.rig.path])
     run = read_by(log, settings)
     calibration = calibrate(run)
-    if outputs["write"] is not None:
-        write_content(outputs["write"], calibrated_text(calibration), force=outputs.force)
     present(
         lambda: calibration_report(calibration, command=given_command()),
         outputs,
         record=lambda: calibration_record(calibration),
+        texts={"write": lambda: calibrated_text(calibration)},
         name=f"{Path(run.name).stem}_calibration",
     )
 

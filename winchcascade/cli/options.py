@@ -15,8 +15,9 @@ import typer
 
 from winchcascade.cli.outputs import Outputs
 from winchcascade.core.errors import OptionError
+from winchcascade.report.screen import QUIET
 
-INPUT, EVALUATION, OUTPUTS = "Input", "Evaluation", "Outputs"
+INPUT, EVALUATION, OUTPUTS, OTHER = "Input", "Evaluation", "Outputs", "Other"
 """Groups of options in the help."""
 
 
@@ -219,13 +220,15 @@ OPTIONS: dict[str, Any] = {
                                          ".mat, or an .fmu.", OUTPUTS),
     "junit": option("--junit", "FILE", "Write the result as JUnit XML for a test server.", OUTPUTS),
     "github": option("--github", "", "Also print annotations for GitHub.", OUTPUTS),
+    "quiet": option("--quiet", "", "Print only what fails.", OTHER),
     "force": option("--force", "", "Replace existing files, also those that another program wrote.", OUTPUTS),
 }  # fmt: skip
 """What the parameters of all commands are on the command line, by their names."""
 
 
 def with_options(*outputs: str, **own: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give the parameters of a command their options and arguments from `OPTIONS`, by their names.
+    """Give the parameters of a command their options and arguments from `OPTIONS`, by their names,
+    and --quiet.
 
     Parameters
     ----------
@@ -236,6 +239,7 @@ def with_options(*outputs: str, **own: Any) -> Callable[[Callable[..., None]], C
 
     def decorated(command: Callable[..., None]) -> Callable[..., None]:
         def run(**values: Any) -> None:
+            QUIET.set(values.pop("quiet"))
             if outputs:
                 paths = {name: path for name in outputs if (path := values.pop(name)) is not None}
                 values["outputs"] = Outputs(paths, values.pop("force"))
@@ -250,6 +254,7 @@ def with_options(*outputs: str, **own: Any) -> Callable[[Callable[..., None]], C
                 parameters.append(
                     _parameter(parameter.name, parameter.annotation, parameter.default, own)
                 )
+        parameters.append(_parameter("quiet", bool, False, own))
         run.__doc__, run.__annotations__ = command.__doc__, {}
         run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # what typer reads
         return run
@@ -281,3 +286,18 @@ def named_number(option: str) -> tuple[str, float]:
         return name.strip(), float(number)
     except ValueError:
         return name.strip(), math.nan
+
+
+def numbers(flag: str, text: str | None) -> Sequence[float]:
+    """Numbers of an option that are separated by commas; OptionError, before long work begins,
+    for one that is not above 0.
+    """
+    try:
+        found = [float(number) for number in text.split(",")] if text is not None else []
+    except ValueError:
+        found = [math.nan]
+    if not all(number > 0.0 for number in found):
+        raise OptionError(
+            f"{flag} {text}: expected numbers above 0 separated by commas, such as 9,18,36."
+        )
+    return found

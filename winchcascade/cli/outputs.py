@@ -54,11 +54,10 @@ class Outputs(msgspec.Struct, frozen=True):
         """What is listed as written, each once."""
         return list(dict.fromkeys(path for path in self.paths.values() if path != STDOUT))
 
-    def without(self, name: str) -> Outputs:
-        """These files but that of one option."""
-        return Outputs(
-            {option: path for option, path in self.paths.items() if option != name}, self.force
-        )
+    def without(self, *names: str) -> Outputs:
+        """These files but those of some options."""
+        kept = {name: path for name, path in self.paths.items() if name not in names}
+        return Outputs(kept, self.force)
 
     def check(self, inputs: Iterable[str | Path | None], more: Mapping[str, Path] = {}) -> None:
         """Reject, before any work, a file that a result must not replace, and two results of one
@@ -88,7 +87,7 @@ class Outputs(msgspec.Struct, frozen=True):
                     f"--{other} and {option} both name {path}; give each a name of its own."
                 )
             if name in _TOGETHER:
-                make_one(path, "another")
+                make_one(path)
             elif name not in _FOLDERS:
                 if path.exists() and any(source.samefile(path) for source in sources):
                     raise OptionError(
@@ -107,12 +106,13 @@ def present(
     outputs: Outputs,
     *,
     record: Callable[[], object] = dict,
+    texts: Mapping[str, Callable[[], str]] = {},
     name: str = "report",
     failed: Callable[[], Report] | None = None,
     notes: Iterable[str | Path] = (),
 ) -> None:
-    """Write the report and the JSON of a result as far as they are wanted, print its text, and list
-    the files.
+    """Write the report, the JSON and other texts of a result as far as they are wanted, print its
+    text, and list the files.
 
     With JSON on standard output nothing else is printed; with --quiet only what failed.
 
@@ -120,12 +120,17 @@ def present(
     ----------
     make : makes the report of the result, of which a page, a PDF or files draw the figures
     record : makes the content of the JSON, or its bytes
+    texts : make the contents of other files, by the options that name these
     name : with which the names of figures and tables begin
     failed : makes the report of what failed; None where nothing did
     notes : listed below the files
     """
     from winchcascade.report.render.terminal import terminal_text
 
+    for option, text in texts.items():
+        path = outputs[option]
+        if path is not None:
+            write_content(path, text(), force=outputs.force)
     written = _write_report_files(make, outputs, name)
     if outputs["json"] is not None:
         found = record()

@@ -13,6 +13,7 @@ from winchcascade.batch.log_settings import settings_of
 from winchcascade.cli.options import LOG, check_load, with_options
 from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present
 from winchcascade.core.errors import OptionError
+from winchcascade.core.files import check_ending
 from winchcascade.core.run import Repairs
 
 if TYPE_CHECKING:
@@ -48,9 +49,9 @@ def reduce_command(
         window_rule(window)
     outputs.check([log, log.parent / "campaign.toml", rig])
     if outputs["loss_map"] is not None:
-        from winchcascade.report.results.loss_map import check_ending
+        from winchcascade.report.results.loss_map import ENDINGS
 
-        check_ending(outputs["loss_map"])
+        check_ending(outputs["loss_map"], ENDINGS, "--loss-map")
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=window, sheet=sheet)
     reduction = reduce(read_by(log, replace(settings, repairs=repairs)))
     require_payouts(reduction)

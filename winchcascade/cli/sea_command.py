@@ -7,12 +7,21 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from winchcascade.cli.design_command import numbers
-from winchcascade.cli.options import EVALUATION, INPUT, OUTPUTS, argument, option, with_options
+from msgspec.structs import asdict
+
+from winchcascade.cli.options import (
+    EVALUATION,
+    INPUT,
+    OUTPUTS,
+    argument,
+    numbers,
+    option,
+    with_options,
+)
 from winchcascade.cli.outputs import NO_OUTPUTS, REPORT, Outputs, given_command, present
 from winchcascade.cli.progress import status_line
 from winchcascade.core.errors import OptionError
-from winchcascade.core.jobs import one_thread_each, processes, set_threads
+from winchcascade.core.jobs import use_threads
 
 if TYPE_CHECKING:
     from winchcascade.diagnosis.handover.posterior import RigPosterior, Tested
@@ -65,9 +74,9 @@ def sea_command(
     compare: bool = False,
     draws: int = 40,
     seed: int = 0,
-    current_limit: float | None = None,
-    speed_limit: float | None = None,
-    tension_limit: float | None = None,
+    current_limit: float = math.inf,
+    speed_limit: float = math.inf,
+    tension_limit: float = math.inf,
     threads: int | None = None,
     outputs: Outputs = NO_OUTPUTS,
 ) -> None:
@@ -78,31 +87,27 @@ def sea_command(
     that the logs do not cover and seas over a limit are flagged. A diagnosis whose gap is
     unexplained is rejected, unless --force is given.
     """
-    one_thread_each()
+    use_threads(threads)
     from winchcascade.batch.campaign_design import corrected_by
     from winchcascade.batch.seas_given import seas_of
-    from winchcascade.core.files import write_content
-    from winchcascade.design.operating import require_positive
+    from winchcascade.design.design import Limits, check_options
     from winchcascade.report.results.sea_report import sea_csv, sea_record, sea_report
     from winchcascade.sea.hydrodynamics import read_float
     from winchcascade.sea.line_motion import FOLLOWER
     from winchcascade.sea.sea_study import BINS, sea_study
 
     outputs.check([source, scatter, motion, float_, rig])
-    set_threads(threads or processes())
     seas = seas_of(
         scatter, motion, numbers("--hs", hs), numbers("--tp", tp), gamma=gamma, bins=numbers("--bins", bins) or BINS,
         froude=froude, minutes=minutes, seed=seed,
     )  # fmt: skip
     if not (math.isnan(load) or load > 0.0):
         raise OptionError(f"--load {load:g}: expected a number of ohms above 0.")
-    stated = {"current": current_limit, "speed": speed_limit, "tension": tension_limit}
-    limits = {name: limit for name, limit in stated.items() if limit is not None}
-    for name, limit in limits.items():
-        require_positive(f"--{name}-limit", [limit])
+    stated = Limits(current_limit, speed_limit, tension_limit)
+    check_options((), (), stated)
+    limits = {name: limit for name, limit in asdict(stated).items() if limit < math.inf}
     with status_line(f"putting {source.name} under waves") as on_progress:
-        posterior, tested = corrected_by(source, rig, on_progress)
-        tested.judgement.check(f"{source}", force=outputs.force)
+        posterior, tested = corrected_by(source, rig, on_progress, force=outputs.force)
         on_progress("stepping through the seas")
         found = sea_study(
             posterior, tested, seas, body=FOLLOWER if float_ is None else read_float(float_),
@@ -111,12 +116,11 @@ def sea_command(
             schedule=_schedule(posterior, tested, limits) if compare else None,
             limits=limits, payout=payout, draws=draws,
         )  # fmt: skip
-    if outputs["csv"] is not None:
-        write_content(outputs["csv"], sea_csv(found), force=outputs.force)
     present(
         lambda: sea_report(found, command=given_command()),
         outputs,
         record=lambda: sea_record(found),
+        texts={"csv": lambda: sea_csv(found)},
         name="sea",
     )
 

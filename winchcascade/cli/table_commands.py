@@ -20,7 +20,6 @@ from winchcascade.cli.outputs import (
 )
 from winchcascade.cli.progress import Progress
 from winchcascade.core.errors import OptionError
-from winchcascade.core.files import write_content
 
 
 @with_options("json", "html", "pdf", "tables", "junit")
@@ -70,12 +69,11 @@ def check_command(
             file=sys.stderr,
         )
     outcome = check_results(found, table, factors)
-    if outputs["junit"] is not None:
-        write_content(outputs["junit"], junit_xml(outcome), force=outputs.force)
     present(
         lambda: check_report(outcome, command=given_command()),
         outputs,
         record=lambda: check_record(outcome),
+        texts={"junit": lambda: junit_xml(outcome)},
         name=f"{table.name}_check",
         failed=None if outcome.ok else lambda: failed_check(outcome),
     )

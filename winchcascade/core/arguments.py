@@ -22,11 +22,12 @@ LONGEST_PATH = 4000
 
 class Expected(msgspec.Struct, frozen=True):
     """A condition on an argument; `words` completes the sentence of a fault, "load is 0;
-    expected ...".
+    expected ...". An optional argument may be None.
     """
 
     words: str
     holds: Callable[[Any], object]
+    optional: bool = False
 
 
 def is_number(value: object) -> bool:
@@ -63,56 +64,59 @@ def _is_listed(value: object, kind: type) -> bool:
     )
 
 
+def _is_ohms(value: object) -> bool:
+    return isinstance(value, Real) and is_number(value) and is_load(float(value))
+
+
+def _is_positive(value: object) -> bool:
+    return isinstance(value, Real) and is_number(value) and 0.0 < float(value) < math.inf
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str) and bool(value.strip())
+
+
 MAPPING = Expected("a mapping, such as a dict", lambda value: isinstance(value, Mapping))
 FLAG = Expected("True or False", lambda value: isinstance(value, bool))
 NUMBER = Expected("a number", is_number)
 TEXT = Expected("a text", lambda value: isinstance(value, str))
-NAME = Expected(
-    "a text that is not empty",
-    lambda value: value is None or (isinstance(value, str) and value.strip()),
-)
-LOAD = Expected(
-    "a resistance above 0 in ohms, or inf for an open circuit",
-    lambda value: value is None or (is_number(value) and is_load(float(value))),
-)
+NAME = Expected("a text that is not empty", _is_text, optional=True)
+LOAD = Expected("a resistance above 0 in ohms, or inf for an open circuit", _is_ohms, optional=True)
 LOADS = Expected(
     "a list of resistances in ohms, such as [36.0]",
-    lambda value: (
-        _is_listed(value, Real) and all(is_number(one) and is_load(float(one)) for one in value)
-    ),
+    lambda value: _is_listed(value, Real) and all(map(_is_ohms, value)),
 )
 CYCLES = Expected(
     "first and last cycle from 1 on, such as (1, 20)",
     lambda value: (
-        value is None
-        or (len(value) == 2 and all(is_whole(end, 1) for end in value) and value[0] <= value[1])
+        len(value) == 2 and all(is_whole(end, 1) for end in value) and value[0] <= value[1]
     ),
+    optional=True,
 )
 SHEET = Expected(
     "the name or the number of a table in the file",
-    lambda value: value is None or is_whole(value, 1) or (isinstance(value, str) and value.strip()),
+    lambda value: is_whole(value, 1) or _is_text(value),
+    optional=True,
 )
 UNITS_OF_COLUMNS = Expected(
     'the units of columns by their names, such as {"force": "kN"}',
-    lambda value: value is None or (isinstance(value, Mapping) and _is_listed(value.values(), str)),
+    lambda value: isinstance(value, Mapping) and _is_listed(value.values(), str),
+    optional=True,
 )
 NAMES = Expected('a list of names, such as ["ke_rolloff"]', lambda value: _is_listed(value, str))
 PATH = Expected("a path", is_path)
-PATH_OR_NONE = Expected("a path or a name", lambda value: value is None or is_path(value))
+PATH_OR_NONE = Expected("a path or a name", is_path, optional=True)
 ON_OFF = Expected("on or off", lambda value: value in ("on", "off"))
 RIG_NAME = Expected(
     "a rig file or the name of a built-in rig", lambda value: isinstance(value, str | os.PathLike)
 )
 PROCESSES = Expected("a number of processes from 1 on", lambda value: is_whole(value, 1))
 SEED_NUMBER = Expected("a whole number from 0 on", lambda value: is_whole(value, 0))
-STEP_LENGTH = Expected(
-    "a number of seconds above 0, or None",
-    lambda value: value is None or (is_number(value) and 0.0 < value < math.inf),
-)
+STEP_LENGTH = Expected("a number of seconds above 0, or None", _is_positive, optional=True)
 WATCH = Expected(
-    "a Watch, with begin and done", lambda value: value is None or hasattr(value, "begin")
+    "a Watch, with begin and done", lambda value: hasattr(value, "begin"), optional=True
 )
-RATE = Expected("a number above 0", lambda value: is_number(value) and 0.0 < value < math.inf)
+RATE = Expected("a number above 0", _is_positive)
 
 
 def check_arguments(call: str, *arguments: tuple[str, object, Expected]) -> None:
@@ -125,7 +129,7 @@ def check_arguments(call: str, *arguments: tuple[str, object, Expected]) -> None
     """
     for name, value, kind in arguments:
         try:
-            holds = bool(kind.holds(value))
+            holds = (kind.optional and value is None) or bool(kind.holds(value))
         except (
             TypeError,
             ValueError,

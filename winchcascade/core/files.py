@@ -12,14 +12,14 @@ import re
 import shutil
 import tempfile
 import uuid
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
 import msgspec
 
-from winchcascade.core.errors import OutputError
+from winchcascade.core.errors import OptionError, OutputError
 
 _SCRATCH = re.compile(r"\.winchcascade-[0-9a-f]{32}\.part")
 """Name of scratch. No other file is ever removed as scratch."""
@@ -226,6 +226,16 @@ def write_content(path: Path, content: bytes | str, *, force: bool = False) -> N
 def json_bytes(record: object) -> bytes:
     """A record as the content of a JSON file, indented."""
     return msgspec.json.format(msgspec.json.encode(record), indent=1) + b"\n"
+
+
+def check_ending(path: Path | None, endings: Sequence[str], option: str = "") -> None:
+    """Reject, before any work, a name of a file whose ending names none of some formats:
+    OptionError.
+    """
+    if path is not None and path.suffix.casefold() not in endings:
+        raise OptionError(
+            f"{f'{option} {path}'.lstrip()}: expected a name that ends in {' or '.join(endings)}."
+        )
 
 
 def check_replaceable(path: Path, *, force: bool) -> None:

@@ -23,15 +23,7 @@ LONG = 1_000_000
 """Below this many samples a second thread costs more than it brings."""
 
 _threads = 2
-"""Threads of `all_at_once`; `set_threads` changes the number."""
-
-
-def set_threads(count: int) -> None:
-    """Set the number of threads of `all_at_once` in this process; for commands with an option
-    for it.
-    """
-    global _threads
-    _threads = count
+"""Threads of `all_at_once`; `use_threads` changes the number."""
 
 
 def one_thread_each() -> None:
@@ -40,6 +32,15 @@ def one_thread_each() -> None:
     """
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+
+
+def use_threads(count: int | None) -> None:
+    """Set the number of threads of `all_at_once` in this process, by default one for each
+    processor, and keep linear algebra on one.
+    """
+    global _threads
+    one_thread_each()
+    _threads = count or processes()
 
 
 @contextmanager

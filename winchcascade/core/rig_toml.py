@@ -5,7 +5,7 @@ with its place.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import cache, lru_cache
 from os.path import isfile  # unlike that of Path no error for a name that no file can have
 from pathlib import Path
@@ -115,16 +115,9 @@ def parse_rig(text: str, where: str) -> Rig:
     another machine. Entries are read table by table: what has a unit becomes a number in SI units,
     and the struct of the table checks the rest.
     """
-    raw = toml_values(text, where, RigError)
-    base, own_parts = raw.pop("based_on", None), raw
-    if base is not None:
-        if base not in BUILT_IN:
-            raise RigError(
-                f"{where}: based_on = {base!r} is no built-in rig; expected one of "
-                f"{', '.join(BUILT_IN)}."
-            )
-        below = toml_values(built_in_text(str(base)), str(base), RigError)
-        raw = _merged(_without_sizes(_without_other_parts(below, raw), raw, where), raw)
+    own_parts = toml_values(text, where, RigError)
+    base = own_parts.pop("based_on", None)
+    raw = own_parts if base is None else _merged(_base(base, own_parts, where), own_parts)
     texts, tables = ("name", "title", "source", "note"), ("sensors", "channels", "effects", "stage")
     check_keys(
         raw, (*texts, *PARTS, *tables, "columns", "cascade", "laws", "log"), f"{where}:", RigError
@@ -156,11 +149,9 @@ def parse_rig(text: str, where: str) -> Rig:
         "columns": read_columns(raw.get("columns", {}), known, where, {}),
         "channels": own,
         "effects": {
-            name: _effect(one, f"{where}: [effects.{name}]") for name, one in effects.items()
-        }
-        | {
-            name: _effect(one, f"{where}: [sensors.{ERRORS}.{name}]", of_a_sensor=True)
-            for name, one in errors.items()
+            name: _effect(one, f"{where}: [{table}.{name}]", of_a_sensor=stated is errors)
+            for table, stated in (("effects", effects), (f"sensors.{ERRORS}", errors))
+            for name, one in stated.items()
         },
         "laws": convert(
             raw.get("laws", {}), dict[str, dict[str, StatedLaw]], f"{where}: laws", RigError
@@ -199,56 +190,49 @@ class _Log(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     sample_rate_hz: Positive | None = None
 
 
-def _without_other_parts(base: Mapping[str, object], over: Mapping[str, object]) -> Table:
-    """Tables of the rig below without what belongs to parts that the rig above has not: numbers and
-    pressure sensor of a restoring module of another kind, and the mesh efficiency of a gear where
-    the machine is on the shaft of the drum.
-    """
-    kinds = [_entry(rig, "restoring", "kind", Restoring().kind) for rig in (base, over)]
-    kept = dict(base)
-    if kinds[0] != kinds[1]:
-        kept |= {"restoring": {}, "sensors": _without_entry(base, "sensors", "pressure")}
-    gear = _entry(over, "drivetrain", "gear_ratio", {})
-    if isinstance(gear, Mapping) and gear.get("value") == 1:
-        kept["drivetrain"] = _without_entry(base, "drivetrain", "eta_mesh")
-    return kept
+def _base(name: object, over: Table, where: str) -> Table:
+    """Tables of the built-in rig below another one, without what that does not take over.
 
-
-def _without_sizes(base: Mapping[str, object], over: Mapping[str, object], where: str) -> Table:
-    """Tables of the rig below without the thresholds that have a dimension, and without rated
-    values if the rig above states the constant k_e of another machine.
+    These are thresholds with a dimension; numbers and pressure sensor of a restoring module of
+    another kind; the mesh efficiency of a gear where the machine is on the shaft of the drum; and
+    the rated values of a machine with another constant k_e.
     """
-    kept = {
-        **base,
-        "thresholds": _without_entry(base, "thresholds", *measures(Thresholds), "rpm_bin"),
-    }
-    measure, machines = (
-        measures(Generator)["k_e"],
-        [_entry(rig, "generator", "k_e", None) for rig in (base, over)],
+    if name not in BUILT_IN:
+        raise RigError(
+            f"{where}: based_on = {name!r} is no built-in rig; expected one of "
+            f"{', '.join(BUILT_IN)}."
+        )
+    base = toml_values(built_in_text(str(name)), str(name), RigError)
+    below, above = (
+        {part: _table(rig, part, where) for part in ("restoring", "drivetrain", "generator")}
+        for rig in (base, over)
     )
+    dropped: dict[str, Collection[str]] = {"thresholds": {*measures(Thresholds), "rpm_bin"}}
+    kinds = [rig["restoring"].get("kind", Restoring().kind) for rig in (below, above)]
+    if kinds[0] != kinds[1]:
+        dropped |= {"restoring": below["restoring"], "sensors": {"pressure"}}
+    gear = above["drivetrain"].get("gear_ratio")
+    if isinstance(gear, dict) and gear.get("value") == 1:
+        dropped["drivetrain"] = {"eta_mesh"}
+    machines = [rig["generator"].get("k_e") for rig in (below, above)]
     if None not in machines:
-        below, above = (
+        measure = measures(Generator)["k_e"]
+        known, other = (
             _quantity(number, f"{where}: [generator] k_e", measure).value for number in machines
         )
-        if abs(above - below) > OTHER_MACHINE * below:
-            kept["generator"] = _without_entry(base, "generator", "i_rated", "speed_rated")
-    return kept
+        if abs(other - known) > OTHER_MACHINE * known:
+            dropped["generator"] = {"i_rated", "speed_rated"}
+    kept = {
+        table: {key: x for key, x in _table(base, table, where).items() if key not in names}
+        for table, names in dropped.items()
+    }
+    return base | kept
 
 
-def _without_entry(rig: Mapping[str, object], table: str, *names: str) -> Table:
-    """A table of a rig file without some of its entries."""
-    entries = rig.get(table)
-    return (
-        {key: value for key, value in entries.items() if key not in names}
-        if isinstance(entries, Mapping)
-        else {}
-    )
-
-
-def _entry(rig: Mapping[str, object], table: str, name: str, absent: object) -> object:
-    """An entry of a table of a rig file, `absent` where it is not stated."""
-    entries = rig.get(table)
-    return entries.get(name, absent) if isinstance(entries, Mapping) else absent
+def _table(rig: Table, name: str, where: str) -> Table:
+    """A table of a rig file; empty where it is not stated."""
+    table: Table = convert(rig.get(name, {}), Table, f"{where}: [{name}]", RigError)
+    return table
 
 
 def _merged(base: Mapping[str, object], over: Mapping[str, object]) -> Table:
@@ -289,11 +273,10 @@ def _part(raw: object, kind: Any, place: str) -> Any:
     """
     table: Table = dict(convert(raw, Table, place, RigError))
     for name, measure in measures(kind).items():
-        stated = table.get(name)
-        if kind is not Thresholds and stated is not None:
-            table[name] = _quantity(stated, f"{place} {name}", measure)
-        elif isinstance(stated, dict):
-            table[name] = _quantity(stated, f"{place} {name}", measure).value
+        stated, of_motion = table.get(name), kind is Thresholds
+        if isinstance(stated, dict) or (stated is not None and not of_motion):
+            number = _quantity(stated, f"{place} {name}", measure)
+            table[name] = number.value if of_motion else number
     return convert(table, kind, place, RigError)
 
 

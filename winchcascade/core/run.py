@@ -140,7 +140,8 @@ class Finding(msgspec.Struct, frozen=True):
 FINDINGS = Expected("a tuple of findings", lambda value: isinstance(value, tuple))
 RIG = Expected(
     "a rig, as load_rig(name) gives it, or None",
-    lambda value: value is None or isinstance(value, Rig),
+    lambda value: isinstance(value, Rig),
+    optional=True,
 )
 
 

@@ -134,7 +134,7 @@ def make_folder(folder: Path, *, ours: bool, what: str, force: bool) -> None:
     """
     if not force and not ours and not (folder / LOCK).exists() and foreign(folder):
         raise not_empty(folder, what)
-    make_one(folder, "another")
+    make_one(folder)
 
 
 def not_empty(folder: Path, what: str) -> OutputError:
@@ -144,15 +144,13 @@ def not_empty(folder: Path, what: str) -> OutputError:
     )
 
 
-def make_one(folder: Path, choose: str) -> None:
-    """Make a folder if it does not exist; OutputError, with what to choose instead, if that is
-    not possible.
-    """
+def make_one(folder: Path) -> None:
+    """Make a folder if it does not exist; OutputError if that is not possible."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
         raise OutputError(
-            f"{folder}: the folder cannot be made ({fault.strerror}); choose {choose}."
+            f"{folder}: the folder cannot be made ({fault.strerror}); choose another."
         ) from None
 
 

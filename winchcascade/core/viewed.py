@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from winchcascade.core.public_names import public
-
 
 class LateModule:
     """A module that is imported when one of its names is taken.
@@ -45,15 +43,15 @@ class Viewed(msgspec.Struct, frozen=True):
         """One table as a frame with units in the names of its columns, or in a column of their
         own.
         """
-        found: pd.DataFrame = public("frame")(self, table)
+        found: pd.DataFrame = import_module("winchcascade").frame(self, table)
         return found
 
     def plot(self, what: str = "") -> Any:
         """A picture of the report of the result, which a notebook shows; its `figure` is that of
         Matplotlib.
         """
-        return public("plot")(self, what)
+        return import_module("winchcascade").plot(self, what)
 
     def _repr_html_(self) -> str:
         """The main table, for notebooks."""
-        return str(public("summary_html")(self))
+        return str(import_module("winchcascade").summary_html(self))

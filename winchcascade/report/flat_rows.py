@@ -145,7 +145,7 @@ def write_parquet(reduction: Reduction, folder: Path, *, force: bool = False) ->
     import pyarrow as pa
     from pyarrow import parquet
 
-    make_one(folder, "another")
+    make_one(folder)
     stem = Path(reduction.run.name).name
     files = {table: folder / f"{stem}.{table}.parquet" for table in ("cycles", "bins", "findings")}
     for path in files.values():

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from winchcascade.comparison.comparison_result import Comparison
 from winchcascade.core.arguments import FLAG, PATH, check_arguments
 from winchcascade.core.errors import OptionError, check_choice, reject_result
+from winchcascade.core.files import check_ending
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import Run
 from winchcascade.core.viewed import LateModule
@@ -134,22 +135,12 @@ def write_report(result: object, path: str | Path, *, force: bool = False) -> Pa
     OutputError : the file cannot be written, or is not this tool's own and `force` does not allow
         to replace it
     """
-    from winchcascade.report.render.publish import publish
+    from winchcascade.report.render.publish import ENDINGS, publish
 
     check_arguments("write_report", ("path", path, PATH), ("force", force, FLAG))
     path = Path(path)
-    ending = path.suffix.casefold()
-    if ending not in (".html", ".pdf"):
-        raise OptionError(
-            f"{path}: no ending of a report; expected a name that ends in .html or .pdf."
-        )
-    report = report_of(result)
-    publish(
-        report,
-        html=path if ending == ".html" else None,
-        pdf=path if ending == ".pdf" else None,
-        force=force,
-    )
+    check_ending(path, ENDINGS)
+    publish(report_of(result), **{path.suffix.casefold()[1:]: path}, force=force)
     return path
 
 

@@ -7,9 +7,9 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from winchcascade.core.errors import OptionError, RigError
+from winchcascade.core.errors import RigError
 from winchcascade.core.extras import require
-from winchcascade.core.files import json_bytes, scratch_folder, write_content
+from winchcascade.core.files import check_ending, json_bytes, scratch_folder, write_content
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.scales import MotionScale
 from winchcascade.rig import physics
@@ -109,8 +109,7 @@ def write_rig(rig: Rig, path: Path, *, force: bool = False) -> None:
         it
     OutputError : as `write_fmu`
     """
-    if path.suffix.casefold() != ".fmu":
-        raise OptionError(f"--export {path}: expected a name that ends in .fmu.")
+    check_ending(path, (".fmu",), "--export")
     model, rated = baseline(rig).physics, rig.generator.speed_rated
     if rated is None:
         raise RigError(

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from winchcascade.core.errors import OptionError
+from winchcascade.core.number_table import number_rows
 from winchcascade.core.run import Signal
 from winchcascade.core.scales import RAMP, MotionScale
 from winchcascade.rig import physics
@@ -86,28 +87,18 @@ def read_response(path: Path) -> FloatResponse:
     ------
     OptionError : it has no such columns, or frequencies that do not rise from above 0
     """
-    try:
-        head, *lines = path.read_text(encoding="utf-8-sig").splitlines()
-        table = np.array(
-            [[float(cell) for cell in line.split(",")] for line in lines if line.strip()]
-        )
-    except (OSError, ValueError) as fault:
+    expected = "three finite numbers, with frequencies that rise from above 0"
+    rows = number_rows(path, RESPONSE, _is_finite, expected, "--float")
+    frequency, amplitude, phase = np.array(rows).T
+    if len(rows) < 2 or frequency[0] <= 0.0 or not np.all(np.diff(frequency) > 0.0):
         raise OptionError(
-            f"--float {path}: cannot be read ({fault}); expected {','.join(RESPONSE)}."
-        ) from None
-    if tuple(cell.strip() for cell in head.split(",")) != RESPONSE or table.shape[1:] != (
-        len(RESPONSE),
-    ):
-        raise OptionError(f"--float {path}: begins with {head!r}; expected {','.join(RESPONSE)}.")
-    frequency, amplitude, phase = table.T
-    if len(table) < 2 or not (
-        np.isfinite(table).all() and frequency[0] > 0.0 and np.all(np.diff(frequency) > 0.0)
-    ):
-        raise OptionError(
-            f"--float {path}: expected two rows or more of numbers, with frequencies that rise "
-            f"from above 0."
+            f"--float {path}: expected two rows or more, with frequencies that rise from above 0."
         )
     return FloatResponse(frequency, amplitude * np.exp(1j * np.radians(phase)))
+
+
+def _is_finite(*row: float) -> bool:
+    return all(map(math.isfinite, row))
 
 
 class SeaPath(NamedTuple):

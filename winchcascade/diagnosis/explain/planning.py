@@ -324,14 +324,14 @@ def plan_run(data: Fitted, found: Found, causes: Sequence[NamedCause]) -> Experi
     the best fit is so wrong that its rig could not make the runs.
     """
     pairs = listed(found, causes)[0][:PAIRS] or _unlisted(found, causes)
-    choice = options_after(data, found) if pairs else None
-    if choice is None:
-        return None
-    setting, options = choice
     try:
-        prospect = prospect_of(setting, options)
+        choice = options_after(data, found) if pairs else None
+        prospect = None if choice is None else prospect_of(*choice)
     except RigError:
         return None
+    if choice is None or prospect is None:
+        return None
+    setting, options = choice
     best: tuple[float, PlannedRun, tuple[str, str]] | None = None
     for pair in pairs:
         foreseen = foresee_pair(prospect, found, pair)

@@ -13,7 +13,7 @@ import numpy as np
 
 from winchcascade.core.errors import OptionError
 from winchcascade.core.extras import require
-from winchcascade.core.files import json_bytes, write_content
+from winchcascade.core.files import check_ending, json_bytes, write_content
 from winchcascade.core.machine_parts import NUMBERS_OF, Restoring, measures
 from winchcascade.core.matlab_file import matlab_bytes
 from winchcascade.core.rig_file import Rig
@@ -56,8 +56,7 @@ PULL = set(measures(Restoring)) - set(NUMBERS_OF["gas_screw"])
 
 def check_export(path: Path | None) -> None:
     """Reject a name that is of no format: OptionError."""
-    if path is not None and path.suffix.casefold() not in FORMATS:
-        raise OptionError(f"--export {path}: expected a name that ends in {' or '.join(FORMATS)}.")
+    check_ending(path, FORMATS, "--export")
     if path is not None and path.suffix.casefold() == ".fmu":
         require("pythonfmu", f"--export {path}")
 

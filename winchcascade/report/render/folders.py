@@ -70,7 +70,7 @@ def write_figures(report: Report, folder: Path, name: str, *, force: bool = Fals
 
 
 def _write(contents: dict[str, bytes], folder: Path, *, force: bool) -> None:
-    make_one(folder, "another")
+    make_one(folder)
     parts = {inside(folder, name): content for name, content in contents.items()}
     for path in parts:
         marked = path.with_suffix(".md") if path.suffix == ".csv" else path

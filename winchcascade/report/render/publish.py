@@ -9,6 +9,9 @@ from pathlib import Path
 from winchcascade.core.files import write_content
 from winchcascade.report.content import Report
 
+ENDINGS = (".html", ".pdf")
+"""Endings of the files of a report."""
+
 
 def publish(
     report: Report, *, html: Path | None = None, pdf: Path | None = None, force: bool = False

@@ -19,8 +19,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.campaign_file import Origin
-from winchcascade.core.errors import OptionError
-from winchcascade.core.files import json_bytes, write_content
+from winchcascade.core.files import check_ending, json_bytes, write_content
 from winchcascade.core.matlab_file import matlab_bytes
 from winchcascade.core.run import Signal
 from winchcascade.core.version import GENERATOR
@@ -179,18 +178,13 @@ def loss_figure(found: LossMap, labels: Sequence[str]) -> Figure:
 SCHEMA = "winchcascade/loss_map/2"
 
 ENDINGS = (".csv", ".mat", ".json")
+"""Endings of the formats of a loss map."""
 
 FIELDS = {
     "speed": "speed_rad_s", "torque": "torque_nm", "velocity": "velocity_m_s", "force": "force_n", "flow": "flow_m3_s",
     "pressure": "pressure_pa", "voltage": "voltage_v", "current": "current_a",
 }  # fmt: skip
 """Names of the axes in files."""
-
-
-def check_ending(path: Path) -> None:
-    """Reject a file whose ending names no format; OptionError."""
-    if path.suffix.casefold() not in ENDINGS:
-        raise OptionError(f"--loss-map {path}: expected a file that ends in .csv, .mat or .json.")
 
 
 def write_loss_map(found: LossMap, path: Path, source: str, *, force: bool = False) -> None:
@@ -207,7 +201,7 @@ def write_loss_map(found: LossMap, path: Path, source: str, *, force: bool = Fal
     OutputError : the file cannot be written, or is not this tool's own and `force` does not allow
     to replace it
     """
-    check_ending(path)
+    check_ending(path, ENDINGS, "--loss-map")
     record, ending = _record(found, source), path.suffix.casefold()
     if ending == ".csv":
         table, grid = _csv(record, found)
