@@ -51,12 +51,12 @@ from winchcascade.diagnosis.fit.nuisances import before_calibration
 from winchcascade.diagnosis.fit.rig_problem import RigProblem
 from winchcascade.diagnosis.fit.search import Found, search, weighing
 from winchcascade.diagnosis.fit.undetermined import Direction, alike, undetermined
-from winchcascade.diagnosis.judge.alarms import SIGNS, Judged, moved_by, ringing
+from winchcascade.diagnosis.judge.alarms import SIGNS, Judged, ringing
 from winchcascade.diagnosis.judge.causes import (
     causes_of,
+    chances_of,
     parameters_of,
     posterior_of,
-    probabilities,
 )
 from winchcascade.diagnosis.judge.closure import (
     HeldOut,
@@ -67,7 +67,7 @@ from winchcascade.diagnosis.judge.closure import (
 )
 from winchcascade.diagnosis.judge.conclusion import concluded
 from winchcascade.diagnosis.judge.phase_energies import energies_of
-from winchcascade.diagnosis.judge.relevance import largest_change, minor_of
+from winchcascade.diagnosis.judge.relevance import largest_change, minor_of, moved_by
 from winchcascade.diagnosis.judge.stability import with_stability
 from winchcascade.diagnosis.verdict_limits import HALF, HINTS, MARGIN, MOSTLY, OPEN
 from winchcascade.rig.simulate import read_by
@@ -210,7 +210,7 @@ def diagnose(
         stages=stagewise(data),
         predicted=predicted,
         fitted_blocks=data.predict(found.best.nu, found.best.effects(suspects)),
-        sets=probabilities(found.sets(), found.evidence),
+        sets=chances_of(found),
         energies=energies_of(data, suspects, found.best),
         not_visible=not_visible(found),
         singles=_singles(found, held_out),

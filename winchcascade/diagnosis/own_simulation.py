@@ -43,9 +43,10 @@ from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.rig_problem import RigProblem
 from winchcascade.diagnosis.fit.search import Found, search
-from winchcascade.diagnosis.judge.alarms import OF_THE_RESIDUAL, Judged, moved_by, ringing
+from winchcascade.diagnosis.judge.alarms import OF_THE_RESIDUAL, Judged, ringing
 from winchcascade.diagnosis.judge.causes import parameters_of, posterior_of
 from winchcascade.diagnosis.judge.closure import closure_between
+from winchcascade.diagnosis.judge.relevance import changes_of_means, moved_by
 from winchcascade.diagnosis.verdict_limits import MIN_EXCESS
 from winchcascade.rig.effects.catalogue import SIMPLIFICATIONS
 from winchcascade.rig.line_velocity import SMOOTHING
@@ -355,10 +356,14 @@ def model_forms(
     places : map of simulation minus rig's model
     """
     forms: list[ModelForm] = []
-    for name, change in moved_by(data, suspects, found.best).items():
-        size, place = max(
-            _changes(data, change, places), key=lambda one: one[0], default=(0.0, None)
-        )
+    by_place = {(p.log, p.channel, p.phase): p for p in places}
+    for name, moved in moved_by(data, suspects, found.best).items():
+        changes = [
+            (abs(change), by_place[at])
+            for log, k, phase, change in changes_of_means(data, moved)
+            if (at := (log, CHANNELS[k], PHASES[phase])) in by_place
+        ]
+        size, place = max(changes, key=lambda one: one[0], default=(0.0, None))
         if place is not None and size >= data.rig.model.relevant_share and abs(place.z) >= SHOWS:
             forms.append(_form(suspects[name].stage, place, name))
     for alarm in ringing(Judged(data, suspects, found.best), OF_THE_RESIDUAL):
@@ -376,19 +381,6 @@ def model_forms(
 
 def _form(stage: str, place: Place, likely: str | None) -> ModelForm:
     return ModelForm(stage, place.channel, place.phase, place.load, place.bias, place.z, likely)
-
-
-def _changes(data: Fitted, change: Signal, places: Sequence[Place]) -> list[tuple[float, Place]]:
-    """By which share of the maximum of its channel in the log a change of the blocks, (M, 5),
-    moves each place. [1]
-    """
-    by_place = {(p.log, p.channel, p.phase): p for p in places}
-    top = np.array([np.max(np.abs(data.measured[rows]), axis=0) for rows in data.rows])
-    return [
-        (abs(float(np.mean(change[here, k]))) / top[log, k], by_place[at])
-        for log, k, phase, here in data.cells()
-        if (at := (log, CHANNELS[k], PHASES[phase])) in by_place and top[log, k] > 0.0
-    ]
 
 
 def from_own_simulation(

@@ -149,7 +149,7 @@ def expand(
     own = [k for name in names for k in range(free.absent.size)[place[name]]]
     fit, value = fit_set(problem, marginal, names, start, columns[:, own]), free.absent.copy()
     value[own] = fit.x
-    acting = dict(zip(names, fit.effects(suspects), strict=True))
+    acting = fit.acting(suspects)
     without = [[one for other, one in acting.items() if other != name] for name in names]
     removed = np.zeros((fit.r.size, 0))
     if names:
@@ -259,6 +259,10 @@ class Found(msgspec.Struct, frozen=True):
             if known is None or _is_more(self.evidence, made, known):
                 self.fits[ordered] = made
         return self.fits[ordered]
+
+    def without(self, name: str) -> Fit:
+        """The fit of the best set without one cause."""
+        return self.fit(tuple(n for n in self.best.names if n != name))
 
     def _foresees_more(self, known: Fit) -> bool:
         """Whether the expansion about the best foresees clearly more of a set than its fit has."""

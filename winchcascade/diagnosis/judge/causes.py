@@ -15,13 +15,7 @@ from winchcascade.diagnosis.diagnosis_result import Alternative, NamedCause, Nam
 from winchcascade.diagnosis.fit.block_means import PHASES
 from winchcascade.diagnosis.fit.covariance import covariance_of
 from winchcascade.diagnosis.fit.entries import is_entry, same_in_logs
-from winchcascade.diagnosis.fit.evidence import (
-    Evidence,
-    Fit,
-    inside_of,
-    prior_beyond_range,
-    usual_gain,
-)
+from winchcascade.diagnosis.fit.evidence import Fit, inside_of, prior_beyond_range, usual_gain
 from winchcascade.diagnosis.fit.marginal import are_together, weights
 from winchcascade.diagnosis.fit.nuisances import quantity_of
 from winchcascade.diagnosis.fit.predict import CHANNELS
@@ -33,7 +27,7 @@ from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.parts import IN_RIG, number_of, path_in_rig
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Signal
@@ -82,17 +76,17 @@ def causes_of(
     law must not hide them.
     """
     best, suspects, swapped = found.best, found.problem.suspects, look_alikes_of(found)
-    without = {name: _without(found, name) for name in best.names}
-    odds = {name: _odds(swapped[name]) + _unseen(data, name) for name in best.names}
-    chance, posterior = probabilities(found.sets(), found.evidence), posterior_of(found, best)
+    without = {name: found.without(name) for name in best.names}
+    odds = {
+        name: 1.0 + sum(map(_weight, swapped[name])) + _unseen(data, name) for name in best.names
+    }
+    chance, posterior = chances_of(found), posterior_of(found, best)
     product_of = partial(_product, data, directions, posterior)
     causes = [
         NamedCause(
             effect=name,
             stage=suspects[name].stage,
-            probability=min(
-                sum(p for names, p in chance.items() if name in names), 1.0 / odds[name]
-            ),
+            probability=min(chance_with(chance, name), 1.0 / odds[name]),
             parameters=parameters_of(posterior, suspects[name], name)
             | product_of(suspects[name], name),
             look_alikes=tuple(
@@ -109,22 +103,12 @@ def causes_of(
 
 def look_alikes_of(found: Found) -> dict[str, list[LookAlike]]:
     """Look-alikes of each cause of the best set, best first; fits that they need are kept."""
-    return {name: _look_alikes(found, name, _without(found, name)) for name in found.best.names}
-
-
-def _without(found: Found, name: str) -> Fit:
-    """The fit of the best set without one cause."""
-    return found.fit(tuple(n for n in found.best.names if n != name))
+    return {name: _look_alikes(found, name, found.without(name)) for name in found.best.names}
 
 
 def _weight(one: LookAlike) -> float:
     """Posterior odds of a look-alike over the cause, which it does not exceed. [1]"""
     return math.exp(-max(one.short, 0.0))
-
-
-def _odds(look_alikes: Sequence[LookAlike]) -> float:
-    """Posterior odds of a cause and all its look-alikes over the cause. [1]"""
-    return 1.0 + sum(map(_weight, look_alikes))
 
 
 def _unseen(data: Fitted, name: str) -> float:
@@ -137,11 +121,21 @@ def _unseen(data: Fitted, name: str) -> float:
     return math.exp(-AS_GOOD) * sum(same_in_logs(name, other) for other in over_runs)
 
 
-def probabilities(fits: dict[Names, Fit], evidence: Evidence) -> dict[Names, float]:
+def chances_of(found: Found) -> dict[Names, float]:
     """Posterior probability of each set among those that were fitted."""
-    each = np.array([evidence.of(fit) for fit in fits.values()])
+    return probabilities({names: found.evidence.of(fit) for names, fit in found.sets().items()})
+
+
+def probabilities(evidence: Mapping[Names, float]) -> dict[Names, float]:
+    """Posterior probability of each of some sets, by the logarithm of its evidence. [1]"""
+    each = np.array([*evidence.values()])
     odds = np.exp(np.maximum(each - each.max(), -700.0))
-    return dict(zip(fits, (odds / odds.sum()).tolist(), strict=True))
+    return dict(zip(evidence, (odds / odds.sum()).tolist(), strict=True))
+
+
+def chance_with(probability: Mapping[Names, float], name: str) -> float:
+    """Probability of all sets that contain a suspect. [1]"""
+    return sum(p for names, p in probability.items() if name in names)
 
 
 # ----------------------------------------------------------------------------- numbers of a cause
@@ -358,12 +352,7 @@ def _start(found: Found, name: str, other: str) -> dict[str, Signal]:
         suspects[other].fields
     ):
         return {}
-    kept = [
-        one
-        for one, of in zip(found.best.effects(suspects), found.best.names, strict=True)
-        if of != name
-    ]
-
+    kept = [one for of, one in found.best.acting(suspects).items() if of != name]
     changes = share, 1.0 / (1.0 + share) - 1.0
     z = found.problem.residuals(
         [[*kept, with_values(suspects[other], change)] for change in changes], found.marginal.place

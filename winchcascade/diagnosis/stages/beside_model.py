@@ -111,7 +111,7 @@ def beside_model(
     """
     on_progress("comparing each stage with its model")
     causes = (*found.causes, *found.candidates)
-    acting = dict(zip(found.chosen, found.found.best.effects(found.suspects), strict=True))
+    acting = found.found.best.acting(found.suspects)
     effects = [acting[cause.effect] for cause in causes]
     data, caused = data_beside_model(found.data, effects)
     laws = diagnosed(data, found.title, found.rig, found.seed, on_progress)

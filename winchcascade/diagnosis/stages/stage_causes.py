@@ -22,7 +22,13 @@ from winchcascade.diagnosis.diagnosis_result import (
 )
 from winchcascade.diagnosis.fit.marginal import weights
 from winchcascade.diagnosis.fit.suspects import with_values
-from winchcascade.diagnosis.judge.causes import COVERED, parameters_of, posterior_of, swap
+from winchcascade.diagnosis.judge.causes import (
+    COVERED,
+    chance_with,
+    parameters_of,
+    posterior_of,
+    swap,
+)
 from winchcascade.diagnosis.judge.stability import trends_of
 from winchcascade.diagnosis.stages.stage_fit import FOLDS, StageFit, noise_of
 from winchcascade.diagnosis.stages.stage_laws import MOTIONS, SIGNALS
@@ -66,7 +72,7 @@ def stage_causes(fit: StageFit) -> tuple[NamedCause, ...]:
     several = _stabilities(fit) if found.best.names else {}
     closed, causes = 1.0 - float(np.sum(fit.residual(found.best) ** 2)) / gap, []
     for name in found.best.names:
-        without = found.fit(tuple(n for n in found.best.names if n != name))
+        without = found.without(name)
         ablation, alike = (
             1.0 - float(np.sum(fit.residual(without) ** 2)) / gap,
             _look_alikes(fit, name),
@@ -78,7 +84,7 @@ def stage_causes(fit: StageFit) -> tuple[NamedCause, ...]:
             NamedCause(
                 effect=name,
                 stage=suspects[name].stage,
-                probability=min(share_with(fit, name), most),
+                probability=min(chance_with(fit.probability, name), most),
                 parameters=numbers,
                 weight=closed - ablation,
                 stability=stability,
@@ -87,11 +93,6 @@ def stage_causes(fit: StageFit) -> tuple[NamedCause, ...]:
             )
         )
     return tuple(sorted(causes, key=lambda cause: -cause.weight))
-
-
-def share_with(fit: StageFit, name: str) -> float:
-    """Probability of all sets that contain a suspect. [1]"""
-    return sum(p for names, p in fit.probability.items() if name in names)
 
 
 def is_material(fit: StageFit, cause: str) -> bool:
@@ -132,7 +133,7 @@ def _look_alikes(fit: StageFit, name: str) -> tuple[Alternative, ...]:
         if found.fit(swaps[other]).loss - found.best.loss <= AS_GOOD * found.scale:
             best.setdefault(other, swaps[other])
     return tuple(
-        Alternative(other, share_with(fit, other), _difference(fit, names))
+        Alternative(other, chance_with(fit.probability, other), _difference(fit, names))
         for other, names in best.items()
     )
 

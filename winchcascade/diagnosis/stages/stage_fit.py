@@ -30,7 +30,7 @@ from winchcascade.diagnosis.fit.search import (
     neighbours,
 )
 from winchcascade.diagnosis.fit.suspects import freedom
-from winchcascade.diagnosis.judge.causes import posterior_of
+from winchcascade.diagnosis.judge.causes import posterior_of, probabilities
 from winchcascade.diagnosis.stages.stage_rows import PARTS_OF_RUN
 from winchcascade.diagnosis.verdict_limits import LAW, RARER
 
@@ -310,11 +310,8 @@ def fit_of(data: StageData) -> StageFit:
     problem = StageProblem(data.suspects, rows, noise.fold, frozenset(known))
     found = linear_search(problem, pruned=not data.beside_model)
     sets = _sets(data.names, found)
-    evidence = np.array([found.expansion.rated(names) for names in sets])
-    odds = np.exp(evidence - evidence.max())
-    return StageFit(
-        data, noise, rows, found, dict(zip(sets, (odds / odds.sum()).tolist(), strict=True))
-    )
+    evidence = {names: found.expansion.rated(names) for names in sets}
+    return StageFit(data, noise, rows, found, probabilities(evidence))
 
 
 def linear_search(problem: StageProblem, *, pruned: bool = True) -> Found:
