@@ -6,7 +6,6 @@ import pytest
 from diagnosed import diagnosed
 
 from winchcascade import OptionError
-from winchcascade.diagnosis.diagnose import parted
 from winchcascade.diagnosis.diagnosis_result import (
     Alarm,
     Judgement,
@@ -21,6 +20,7 @@ from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.judge.conclusion import is_within_law
 from winchcascade.diagnosis.judge.relevance import moved_by, share_of_plateau
+from winchcascade.diagnosis.judge.verdict import parted
 from winchcascade.diagnosis.verdict_limits import LAW, MARGIN, MOSTLY, OPEN, STRUCTURED
 from winchcascade.rig.effects.catalogue import CLASSES, EFFECTS, LAWS
 

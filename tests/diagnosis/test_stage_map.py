@@ -15,7 +15,7 @@ from winchcascade.core.errors import LogError, OptionError, RigError
 from winchcascade.core.rig_file import Rig, Sensor, StatedLaw
 from winchcascade.core.rig_toml import read_rig
 from winchcascade.core.run import Run, Signal
-from winchcascade.diagnosis.diagnosis_result import Entries
+from winchcascade.diagnosis.campaign_entries import Entries
 from winchcascade.diagnosis.stages.diagnose_stages import diagnose_stages
 from winchcascade.diagnosis.stages.stage_map import LossMap, convex_hull, make_loss_map
 from winchcascade.ingest.read import read_run

@@ -12,15 +12,11 @@ from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
-from winchcascade.core.campaign_file import check_held_out
-from winchcascade.core.errors import CampaignError, OptionError
+from winchcascade.core.errors import OptionError
 from winchcascade.core.viewed import Viewed
 from winchcascade.diagnosis.fit.entries import class_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from winchcascade.core.campaign_file import Cycles
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run
     from winchcascade.diagnosis.fit.nuisances import Nuisance
@@ -191,6 +187,11 @@ class NamedCause(msgspec.Struct, frozen=True):
     weight: float
     ablation: float = math.nan
     stability: Stability | None = None
+
+    @property
+    def trends(self) -> tuple[Trend, ...]:
+        """What differs between its numbers of the runs."""
+        return self.stability.trends if self.stability else ()
 
     @property
     def rivals(self) -> tuple[Alternative, ...]:
@@ -497,29 +498,4 @@ class DiagnosisResult(Viewed, frozen=True, kw_only=True):
                 for cause in listed
                 if cause.look_alikes
             },
-        )
-
-
-class Entries(msgspec.Struct, frozen=True):
-    """Runs of a campaign with its title; of each run the first and last cycle that count, None for
-    all, and the numbers of the runs that take part in neither choice nor fit.
-    """
-
-    runs: Sequence[Run]
-    cycles: Sequence[Cycles | None] | None = None
-    withheld: Sequence[int] = ()
-    title: str = ""
-
-    def check_withheld(self) -> None:
-        """Reject entries that are all withheld, or that withhold a log that takes part as
-        another run: CampaignError.
-        """
-        if len(self.runs) <= len(set(self.withheld)):
-            raise CampaignError(
-                "every run is withheld; a diagnosis needs at least one that takes part in the fit."
-            )
-        names = [run.name for run in self.runs]
-        logs = [run.sha256 and f"{run.sha256}\0{run.table or ''}" for run in self.runs]
-        check_held_out(
-            names, logs, self.cycles or [None] * len(names), self.withheld, self.title or "campaign"
         )

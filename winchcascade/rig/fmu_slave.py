@@ -17,7 +17,7 @@ import msgspec
 from pythonfmu import Fmi2Causality, Fmi2Initial, Fmi2Slave, Fmi2Variability, Real
 
 from winchcascade.rig.ledger import LEDGER
-from winchcascade.rig.parts import PARTS, Model, with_part
+from winchcascade.rig.parts import model_of_numbers, number_of, numbers_by_part, with_number
 from winchcascade.rig.stepped_rig import SteppedRig
 
 RESOURCE = "rig.json"
@@ -87,14 +87,7 @@ class RigSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         self._module = sys.modules.pop(type(self).__module__, None)
         stated = msgspec.json.decode((Path(self.resources) / RESOURCE).read_bytes(), type=Stated)
         self.description, self.numbers = stated.description, stated.numbers
-        parts = {
-            part: {
-                name: tuple(x) if isinstance(x, list) else x
-                for name, x in stated.model[part].items()
-            }
-            for part in PARTS
-        }
-        self.model = Model(**{part: kind(**parts[part]) for part, kind in PARTS.items()})
+        self.model = model_of_numbers(stated.model)
         self.held = {
             "line_velocity": 0.0,
             "load_resistance": stated.load,
@@ -156,12 +149,9 @@ class RigSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
             )
         for path, (unit, what, u) in self.numbers.items():
             text = what if u is None else f"{what}, u = {u:.3g} {unit}"
-            part, name = path.split(".")
-            number = partial(
-                lambda part, name: getattr(getattr(self.model, part), name), part, name
-            )
+            number = partial(lambda path: number_of(self.model, path), path)
             self._register(
-                path, unit, text, Fmi2Causality.parameter, number, partial(self._change, part, name)
+                path, unit, text, Fmi2Causality.parameter, number, partial(self._change, path)
             )
         units = {name: (unit, what) for name, (_, unit, what) in OUTPUTS.items()} | {
             f"loss_{name}": ("W", LEDGER[name].words) for name in LOST
@@ -185,9 +175,9 @@ class RigSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         )
         self.register_variable(variable, nested=False)
 
-    def _change(self, part: str, name: str, value: float) -> None:
+    def _change(self, path: str, value: float) -> None:
         """Change a number of the model; it acts from the next initialization on."""
-        self.model = with_part(self.model, part, **{name: value})
+        self.model = with_number(self.model, path, value)
 
     def to_xml(self, model_options: Mapping[str, str] = NO_OPTIONS) -> Element:
         """The description of the FMU, with the units of its variables."""
@@ -220,19 +210,14 @@ class RigSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
     def _get_fmu_state(self) -> dict[str, Any]:
         """All that a later call goes back to."""
         kept = None if self.rig is None else self.rig.kept.tolist()
-        parts = {part: getattr(self.model, part)._asdict() for part in PARTS}
-        return {"held": dict(self.held), "found": dict(self.found), "kept": kept, "model": parts}
+        numbers = numbers_by_part(self.model)
+        return {"held": dict(self.held), "found": dict(self.found), "kept": kept, "model": numbers}
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
         """Go back to a state."""
         self.held.update(state["held"])
         self.found.update(state["found"])
-        for part, numbers in state["model"].items():
-            self.model = with_part(
-                self.model,
-                part,
-                **{name: tuple(x) if isinstance(x, list) else x for name, x in numbers.items()},
-            )
+        self.model = model_of_numbers(state["model"])
         if state["kept"] is not None:
             self.exit_initialization_mode()
             assert self.rig is not None

@@ -35,7 +35,7 @@ class LineVelocity(msgspec.Struct, frozen=True):
 
     `of_velocity` [1] and `of_displacement` [1/s] are the weights of 2 h + 1 neighbouring samples,
     `u_velocity` [m/s] and `u_displacement` [m] the white noise of these; without a precise
-    displacement its weights are 0. `most_noise` is the standard deviation of a sample where the
+    displacement its weights are 0. `max_noise` is the standard deviation of a sample where the
     displacement is of least use [m/s].
     """
 

@@ -187,11 +187,11 @@ def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
     check_travel(run.name, model, float(np.min(motion.x)), float(np.max(motion.x)))
     out, sensors = solve(model, motion, load_of(run)), model.sensors
     now, late = (_between(motion, t, out) for t in (run.t, sensors.late("vdc", run.t)))
+    travelled = np.interp(run.t, motion.t, motion.x)
     channels = {
-        "displacement": np.interp(run.t, motion.t, motion.x),
+        "displacement": run.channels.get("displacement", travelled),
         "velocity": run.channels["velocity"],
     }
-    channels |= {name: run.channels[name] for name in ("displacement",) if name in run.channels}
     true = {name: (late if name in ELECTRICAL else now)[name] for name in read_by(model)}
     true["force"] = physics.tension(true["force"], model.winch)
     channels |= {name: sensors.read(name, x) for name, x in true.items()}

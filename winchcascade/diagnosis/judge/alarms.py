@@ -162,7 +162,7 @@ OF_THE_RESIDUAL = (
 def drifts(causes: Iterable[NamedCause]) -> Iterator[Alarm]:
     """Chance of a number that differs between runs: not this effect, or not it alone."""
     for cause in causes:
-        for trend in cause.stability.trends if cause.stability else ():
+        for trend in cause.trends:
             size = -math.log10(max(trend.chance, 1e-300))
             yield Alarm("drift", Spot(effects=(cause.effect,)), size, -math.log10(CHANCE))
 

@@ -35,13 +35,13 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.fit.undetermined import Direction
     from winchcascade.rig.effects.effect import Effect
 
-ALIKE = 0.3
+SAME_FIT = 0.3
 """Two explanations that differ by less are the same: fits end within it. [sigma]"""
 
 ENTRIES = "entry"
 """Stage of wrong entries."""
 
-TRIED = 4
+ALTERNATIVES_REFITTED = 4
 """Maximum number of alternatives of each cause that are refitted, nearest first by the closed
 form.
 """
@@ -313,7 +313,7 @@ def _look_alikes(found: Found, name: str, without: Fit) -> list[LookAlike]:
     short = {other: foreseen(other) for other in others if other not in same}
     near = sorted(
         (other for other in short if short[other] < 4.0 * AS_GOOD), key=lambda other: short[other]
-    )[:TRIED]
+    )[:ALTERNATIVES_REFITTED]
     alike = []
     for other in dict.fromkeys((*near, *same, *together)):
         fit = found.fit(
@@ -384,4 +384,6 @@ def _named(data: Fitted, found: Found, other: Fit, name: str, probability: float
         size = float(np.sqrt(np.sum(difference[here, k] ** 2)))
         if size > (clearest.z if clearest else 0.0):
             clearest = Spot(CHANNELS[k], PHASES[phase], data.logs[log].load, z=size)
-    return Alternative(effect, probability, clearest if clearest and clearest.z > ALIKE else None)
+    return Alternative(
+        effect, probability, clearest if clearest and clearest.z > SAME_FIT else None
+    )

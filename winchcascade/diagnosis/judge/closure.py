@@ -59,7 +59,7 @@ class ModelClosure(GapClosure, frozen=True):
 
 def close(data: Fitted, found: Found, fit: Fit, withheld: Sequence[int], seed: int) -> ModelClosure:
     """Predict each withheld log from a fit without the logs of its load, or its cycles in turn
-    where `left_out` says so.
+    as `predicted_together` gives them.
 
     Each such fit is one step of Gauss and Newton away from the fit to all logs. What the other logs
     do not determine, as a roll-off at currents that they do not reach, stays as it was found.
@@ -67,13 +67,13 @@ def close(data: Fitted, found: Found, fit: Fit, withheld: Sequence[int], seed: i
     Parameters
     ----------
     fit : has the causes; where it already lacks the withheld logs it serves as it is
-    withheld : numbers of logs; of those that take part in the fit the logs of each load are left
+    withheld : numbers of logs; of those that take part in the fit the logs of each load are held
         out in turn
     """
     suspects, predictions = found.problem.suspects, dict[int, Fit]()
     best = fit if fit is found.best else located(found.problem, found.marginal, fit.names, fit.x)
     after = np.full_like(data.measured, math.nan)
-    for held in left_out(data, withheld):
+    for held in predicted_together(data, withheld):
         here = sorted(
             {int(k) for k in np.searchsorted([rows.stop for rows in data.rows], held, side="right")}
         )
@@ -88,8 +88,8 @@ def close(data: Fitted, found: Found, fit: Fit, withheld: Sequence[int], seed: i
             names = tuple(name for name, one in acting.items() if one not in known)
             fit = _without(found, best, names, rows.ravel())
         predicted = data.predict(_of_the_rig(data, fit), [*fit.effects(suspects), *known], here)
-        own = np.concatenate([np.arange(data.rows[k].start, data.rows[k].stop) for k in here])
-        counted = np.isin(own, held)
+        blocks = np.concatenate([np.arange(data.rows[k].start, data.rows[k].stop) for k in here])
+        counted = np.isin(blocks, held)
         after[held] = data.measured[held] - predicted[counted]
         predictions |= dict.fromkeys(here, fit)
     seen = np.isfinite(after)
@@ -118,7 +118,7 @@ def _without(found: Found, fit: Fit, names: Names, rows: Signal) -> Fit:
 
 
 class HeldOut:
-    """Closures of sets on the logs that take part in a diagnosis, left out in turn; each is found
+    """Closures of sets on the logs that take part in a diagnosis, held out in turn; each is found
     once.
 
     Parameters
@@ -139,7 +139,7 @@ class HeldOut:
 
 
 def judging(data: Fitted) -> list[int]:
-    """Numbers of the logs that are left out in turn, of those that take part in a fit: all with
+    """Numbers of the logs that are held out in turn, of those that take part in a fit: all with
     a load, or all without any.
     """
     taking = [k for k in range(len(data.logs)) if k not in data.withheld]
@@ -165,17 +165,17 @@ def _of_the_rig(data: Fitted, fit: Fit) -> Signal:
     return np.where([n.kind in LOCAL for n in data.nuisances], 0.0, np.clip(fit.nu, -REACH, REACH))
 
 
-PARTS = 3
-"""Number of parts in which the cycles of the only load are left out."""
+CYCLE_PARTS = 3
+"""Number of parts in which the cycles of the only load are held out."""
 
 
-def left_out(data: Fitted, withheld: Sequence[int]) -> list[NDArray[np.intp]]:
+def predicted_together(data: Fitted, withheld: Sequence[int]) -> list[NDArray[np.intp]]:
     """Blocks that are predicted together from a fit to the others, by their numbers, in increasing
     order.
 
     These are those of all logs of a load. Where no other run with a load would remain, as in a
     campaign of one load and an open circuit, an open circuit cannot determine what the load makes
-    visible: then its cycles are left out in turn.
+    visible: then its cycles are held out in turn.
     """
     loads = dict.fromkeys(data.logs[k].load for k in withheld)
     loaded = {
@@ -193,16 +193,16 @@ def left_out(data: Fitted, withheld: Sequence[int]) -> list[NDArray[np.intp]]:
             continue
         part = (
             np.searchsorted(cycles, data.blocks.cycle[rows])
-            * min(PARTS, cycles.size)
+            * min(CYCLE_PARTS, cycles.size)
             // cycles.size
         )
-        found += [rows[part == number] for number in range(min(PARTS, cycles.size))]
+        found += [rows[part == number] for number in range(min(CYCLE_PARTS, cycles.size))]
     return found
 
 
 def by_cycles(data: Fitted, withheld: Sequence[int]) -> bool:
-    """Whether the only load of a campaign is judged on its cycles, left out in turn."""
-    return len(left_out(data, withheld)) > len({data.logs[k].load for k in withheld})
+    """Whether the only load of a campaign is judged on its cycles, held out in turn."""
+    return len(predicted_together(data, withheld)) > len({data.logs[k].load for k in withheld})
 
 
 def closure_between(

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Signal
 
 
-RESUMED = 4
+RESUMED_MAX = 4
 """Maximum number of times that a search goes on from what its conclusion finds."""
 
 
@@ -37,7 +37,7 @@ def concluded(
     Look-alikes of its causes are fitted. Where one of these has more evidence, the search goes on
     from there.
     """
-    for _ in range(RESUMED):
+    for _ in range(RESUMED_MAX):
         found = predicting_best(without_imitators(data, found), held_out)
         look_alikes_of(found)
         further = gone_on(found, on_progress)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.fit.suspects import Suspects
 
 
-FEW, FAR = 30, 8.0
+BLOCKS_MIN, BLOCK_Z_MAX = 30, 8.0
 """Minimum number of blocks for an rms, and magnitude that a single block counts for at most."""
 
 
@@ -32,12 +32,14 @@ def block_rms(data: Fitted, z: Signal) -> dict[tuple[str, str], float]:
     for k, channel in enumerate(CHANNELS):
         for p, name in enumerate(PHASES):
             here = table[(data.blocks.phase == p) & (table[:, k] != 0.0), k]
-            if here.size >= FEW:
-                found[channel, name] = float(np.sqrt(np.mean(np.minimum(np.abs(here), FAR) ** 2)))
+            if here.size >= BLOCKS_MIN:
+                found[channel, name] = float(
+                    np.sqrt(np.mean(np.minimum(np.abs(here), BLOCK_Z_MAX) ** 2))
+                )
     return found
 
 
-FINER = 0.5
+FAST_MOTION_WIDTH = 0.5
 """Part of the usual width over which the velocity is smoothed where its fast motion is sought.
 [1]
 """
@@ -48,7 +50,7 @@ def scatter(data: Fitted, suspects: Suspects, fit: Fit) -> dict[str, float]:
     the worst log, by channel.
 
     What noise and fast motion of the line move, which the smoothed velocity lacks, is the change of
-    the simulation where the velocity is smoothed over `FINER` of the width. The force is left out:
+    the simulation where the velocity is smoothed over `FAST_MOTION_WIDTH` of the width. The force is left out:
     its tether rings. This shows a ripple that the means of blocks do not contain. Fast motion moves
     a channel by as much at any load: the model's part is that of the log with the highest level.
     """
@@ -59,10 +61,12 @@ def scatter(data: Fitted, suspects: Suspects, fit: Fit) -> dict[str, float]:
     for number, (log, model) in enumerate(zip(data.logs, models, strict=True)):
         blocks, coarse = log.course.blocks, log.course.coarse.t
         payout = blocks.phase == PAYOUT
-        if number in data.withheld or np.count_nonzero(payout) < FEW // 2:
+        if number in data.withheld or np.count_nonzero(payout) < BLOCKS_MIN // 2:
             continue
         grid = log.course.on_grid(model, skew=skew)
-        scale = msgspec.structs.replace(log.course.scale, ramp=FINER * log.course.scale.ramp)
+        scale = msgspec.structs.replace(
+            log.course.scale, ramp=FAST_MOTION_WIDTH * log.course.scale.ramp
+        )
         finer = Course(log.run, blocks, log.course.step, scale)
         lively = finer.on_grid(model, skew=skew)
         for k, channel in enumerate(CHANNELS):
