@@ -150,16 +150,17 @@ def test_an_eccentric_drum_is_no_noise() -> None:
 def test_the_cycles_of_the_only_load_are_held_out_in_turn() -> None:
     open_circuit, _, loaded = campaign({})
     data = Fitted([open_circuit, loaded], calibrated_rig())
-    parts = predicted_together(data, [1])
+    parts = [blocks for _, blocks in predicted_together(data, [1])]
     assert by_cycles(data, [1])
     assert np.concatenate(parts).tolist() == list(range(data.rows[1].start, data.rows[1].stop))
     cycles = [set(data.blocks.cycle[part].tolist()) for part in parts]
     assert len(cycles) > 1
     assert not set.intersection(*cycles)
     whole = Fitted(campaign({}), calibrated_rig())
-    assert [(int(part[0]), int(part[-1]) + 1) for part in predicted_together(whole, [1, 2])] == [
-        (rows.start, rows.stop) for rows in whole.rows[1:]
-    ]
+    assert [
+        (logs, int(blocks[0]), int(blocks[-1]) + 1)
+        for logs, blocks in predicted_together(whole, [1, 2])
+    ] == [([k], whole.rows[k].start, whole.rows[k].stop) for k in (1, 2)]
     assert not by_cycles(whole, [1, 2])
 
 

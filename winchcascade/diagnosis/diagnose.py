@@ -205,7 +205,7 @@ def diagnose(
 def _check_channels(data: Fitted) -> None:
     """Reject logs of which none that takes part has a channel of the model: LogError."""
     channels = read_by(data.nominal)
-    if not any(log.noise.seen.any() for k, log in enumerate(data.logs) if k not in data.withheld):
+    if not any(data.logs[k].noise.seen.any() for k in data.taking):
         raise LogError(
             f"{data.logs[0].run.name}: no log that takes part has {', '.join(channels[:-1])} or "
             f"{channels[-1]} that the model could be compared with; expected one of them at least "

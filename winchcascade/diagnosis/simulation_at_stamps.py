@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.errors import LogError
+from winchcascade.core.integrate import rms
 from winchcascade.core.quantity import UNITS, unit_names
 from winchcascade.core.scales import motion_of_runs
 from winchcascade.core.smooth import local_quadratic
@@ -137,7 +138,7 @@ def _aligned(simulation: Run, log: Run, counted: slice) -> tuple[float, float]:
     velocity, other = (
         local_quadratic(run.t, run.channels["velocity"], width) for run in (log, simulation)
     )
-    step, scale = 1.0 / log.fs, max(float(np.sqrt(np.mean(velocity[counted] ** 2))), 1e-6)
+    step, scale = 1.0 / log.fs, max(rms(velocity[counted]), 1e-6)
 
     def difference(shift: float) -> float:
         at = log.t[counted] + shift
@@ -145,7 +146,7 @@ def _aligned(simulation: Run, log: Run, counted: slice) -> tuple[float, float]:
             np.maximum(simulation.t[0] - at, at - simulation.t[-1]) > AT_REST_BEYOND / simulation.fs
         )
         moved = np.where(beyond, 0.0, np.interp(at, simulation.t, other))
-        return float(np.sqrt(np.mean((moved - velocity[counted]) ** 2))) / scale
+        return rms(moved - velocity[counted]) / scale
 
     at_log, at_other = (np.arange(run.t[0], run.t[-1], step) for run in (log, simulation))
     together = correlate(
@@ -188,10 +189,7 @@ def _check_levels(simulation: Run, log: Run, rig: Rig, blocks: Blocks) -> None:
     ):
         if name == "idc" and log.open_circuit:
             continue
-        here, logged = (
-            float(np.sqrt(np.mean(blocks.mean(run.channels[name]) ** 2)))
-            for run in (simulation, log)
-        )
+        here, logged = (rms(blocks.mean(run.channels[name])) for run in (simulation, log))
         ratio, channel = (here / logged if logged else 1.0), rig.known_channels[name]
         if 1.0 / LEVEL_RATIO_MAX < ratio < LEVEL_RATIO_MAX:
             continue

@@ -9,7 +9,6 @@ import sys
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
@@ -39,9 +38,6 @@ LOST = tuple(
     name for name, one in LEDGER.items() if one.words.startswith("lost") and name != "shaft_loss"
 )
 """Losses that are outputs; that of the shaft spring is not known at an instant."""
-
-
-NO_OPTIONS: Mapping[str, str] = MappingProxyType({})
 
 
 class Stated(msgspec.Struct, frozen=True):
@@ -179,9 +175,9 @@ class RigSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         """Change a number of the model; it acts from the next initialization on."""
         self.model = with_number(self.model, path, value)
 
-    def to_xml(self, model_options: Mapping[str, str] = NO_OPTIONS) -> Element:
+    def to_xml(self, model_options: Mapping[str, str] | None = None) -> Element:
         """The description of the FMU, with the units of its variables."""
-        root: Element = super().to_xml(model_options)
+        root: Element = super().to_xml(model_options or {})
         units = Element("UnitDefinitions")
         for unit in sorted({variable.unit for variable in self.vars.values()} - {"1"}):
             SubElement(units, "Unit", name=unit)

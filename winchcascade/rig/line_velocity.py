@@ -9,7 +9,7 @@ import math
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import GAUSS, median, white_noise
+from winchcascade.core.integrate import GAUSS, median, rms, white_noise
 from winchcascade.core.run import Mask, Run, Signal
 from winchcascade.core.smooth import evenly_stamped, local_quadratic, smoothing_weights
 
@@ -103,7 +103,7 @@ def _with_displacement(run: Run, alone: LineVelocity) -> LineVelocity | None:
     noise, channels = (u_velocity, u_displacement), (velocity, displacement)
     a, b = weights = rate_weights(half, interval, *noise)
     both = np.convolve(velocity, a[::-1], "same") + np.convolve(displacement, b[::-1], "same")
-    difference = float(np.sqrt(np.mean((both - alone.value)[usable] ** 2)))
+    difference = rms((both - alone.value)[usable])
     if (
         not CONSISTENT[0]
         < difference / _noise_of(noise, (a - alone.of_velocity, b))

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import white_noise
+from winchcascade.core.integrate import rms, white_noise
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.diagnosis_result import Place, Where
 from winchcascade.diagnosis.fit.block_means import PHASES, scatter_about_course
@@ -83,7 +83,7 @@ def weigh(
     u_zero : standard uncertainty of the zeros, which all blocks share
     tolerances : (m, k) what one standard uncertainty of each number that is not exactly known moves
     """
-    bias, own = float(np.mean(residual)), float(np.sqrt(np.mean(noise**2)))
+    bias, own = float(np.mean(residual)), rms(noise)
     u_noise = math.hypot(own / math.sqrt(residual.size) * 1.5**0.5, u_zero)
     u_tolerance = float(np.sqrt(np.sum(np.mean(tolerances, axis=0) ** 2)))
     means = [float(np.mean(residual[cycle == c])) for c in np.unique(cycle)]
@@ -92,7 +92,7 @@ def weigh(
     return Place(
         blocks=residual.size,
         bias=bias,
-        rms=float(np.sqrt(np.mean(residual**2))),
+        rms=rms(residual),
         noise=own,
         u_noise=u_noise,
         u_repeat=u_repeat,

@@ -129,12 +129,16 @@ class Fitted:
         self.local = self.whitener @ self._local_columns()
 
     @property
+    def taking(self) -> list[int]:
+        """Numbers of the logs that take part in a fit."""
+        return [k for k in range(len(self.logs)) if k not in self.withheld]
+
+    @property
     def extreme_loads(self) -> list[int]:
         """Numbers of a log of the smallest and one of the largest resistance, of those that take
         part in a fit; what neither of them shows, none between them does.
         """
-        taking = [k for k in range(len(self.logs)) if k not in self.withheld]
-        by_load = sorted(taking, key=lambda k: self.logs[k].load)
+        by_load = sorted(self.taking, key=lambda k: self.logs[k].load)
         return sorted({by_load[0], by_load[-1]})
 
     def with_ramps(self, residual: Signal) -> Fitted | None:

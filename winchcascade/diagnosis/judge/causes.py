@@ -290,55 +290,60 @@ def _look_alikes(found: Found, name: str, without: Fit) -> list[LookAlike]:
     lies beyond its range is an alternative too: the range says what is plausible, and the logs do
     not contradict it.
     """
-    best, evidence, suspects, linear = (
-        found.best,
-        found.evidence,
-        found.problem.suspects,
-        found.expansion,
-    )
-    others = [other for other in suspects if other not in best.names]
+    best, problem, expansion = found.best, found.problem, found.expansion
+    others = [other for other in problem.suspects if other not in best.names]
     same = [other for other in others if same_in_logs(name, other)]
-    entries = [other for other in others if is_entry(name) or is_entry(other)]
-    together = [other for other in others if are_together(found.problem.exclusive, name, other)]
-
-    def foreseen(other: str) -> float:
-        swapped = swap(best.names, name, other)
-        lost = linear.rated(best.names) - linear.rated(swapped)
-        return (
-            lost - found.problem.price(other) + found.problem.price(name)
-            if other in entries
-            else lost
+    together = [other for other in others if are_together(problem.exclusive, name, other)]
+    foreseen: dict[str, float] = {}
+    for other in (other for other in others if other not in same):
+        foreseen[other] = expansion.rated(best.names) - expansion.rated(
+            swap(best.names, name, other)
         )
-
-    short = {other: foreseen(other) for other in others if other not in same}
-    near = sorted(
-        (other for other in short if short[other] < 4.0 * AS_GOOD), key=lambda other: short[other]
-    )[:ALTERNATIVES_REFITTED]
+        if is_entry(name) or is_entry(other):
+            foreseen[other] += problem.price(name) - problem.price(other)
+    near = [other for other in foreseen if foreseen[other] < 4.0 * AS_GOOD]
+    near = sorted(near, key=lambda other: foreseen[other])[:ALTERNATIVES_REFITTED]
     alike = []
     for other in dict.fromkeys((*near, *same, *together)):
-        fit = found.fit(
-            swap(best.names, name, other), _start(found, name, other) if other in same else None
-        )
-        lost, by_evidence = fit.loss - best.loss, evidence.of(best) - evidence.of(fit)
-        if other in entries:
-            usual = usual_gain(suspects, fit.names, fit.x, fit.free, fit.curve / found.scale)
-            odd = -min(usual, 0.0) if suspects[other].fields[0].usual_share == 1.0 else 0.0
-            by_evidence = lost / found.scale - min(usual, 0.0)
-            by_evidence = min(by_evidence, AS_GOOD + odd) if other in together else by_evidence
+        start = _start(found, name, other) if other in same else None
+        fit = found.fit(swap(best.names, name, other), start)
+        if is_entry(name) or is_entry(other):
+            short = _short_by_fit(found, fit, other, other in together)
         else:
-            nearly = UNCONFUSED * (without.loss - best.loss) + AS_GOOD * found.scale
-            held_back = by_evidence - prior_beyond_range(fit) <= AS_GOOD
-            if held_back or (other in same and lost < nearly):
-                by_evidence = min(by_evidence, AS_GOOD)
-        alike.append(LookAlike(fit, by_evidence))
-    several = [
-        fit
-        for fit in found.sets().values()
-        if len(fit.names) == len(best.names) and name not in fit.names
+            short = _short_by_evidence(found, fit, without, other in same)
+        alike.append(LookAlike(fit, short))
+    alike += [
+        LookAlike(fit, found.evidence.of(best) - found.evidence.of(fit))
+        for names, fit in found.sets().items()
+        if len(names) == len(best.names)
+        and name not in names
+        and len(set(names) - set(best.names)) > 1
     ]
-    several = [fit for fit in several if len(set(fit.names) - set(best.names)) > 1]
-    alike += [LookAlike(fit, evidence.of(best) - evidence.of(fit)) for fit in several]
     return sorted((one for one in alike if one.short <= AS_GOOD), key=lambda one: one.short)
+
+
+def _short_by_fit(found: Found, fit: Fit, other: str, is_together: bool) -> float:
+    """By how much a set with another suspect in place of a cause fits worse, of which one is a
+    wrong entry. [nats]
+    """
+    suspects = found.problem.suspects
+    usual = usual_gain(suspects, fit.names, fit.x, fit.free, fit.curve / found.scale)
+    unusual = -min(usual, 0.0)
+    short = (fit.loss - found.best.loss) / found.scale + unusual
+    if not is_together:
+        return short
+    return min(short, AS_GOOD + unusual * (suspects[other].fields[0].usual_share == 1.0))
+
+
+def _short_by_evidence(found: Found, fit: Fit, without: Fit, is_same: bool) -> float:
+    """By how much evidence a set with another suspect in place of a cause falls short. [nats]"""
+    best = found.best
+    short = found.evidence.of(best) - found.evidence.of(fit)
+    nearly = UNCONFUSED * (without.loss - best.loss) + AS_GOOD * found.scale
+    held_back = short - prior_beyond_range(fit) <= AS_GOOD
+    if held_back or (is_same and fit.loss - best.loss < nearly):
+        return min(short, AS_GOOD)
+    return short
 
 
 def _start(found: Found, name: str, other: str) -> dict[str, Signal]:

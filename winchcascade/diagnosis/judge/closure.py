@@ -73,10 +73,7 @@ def close(data: Fitted, found: Found, fit: Fit, withheld: Sequence[int], seed: i
     suspects, predictions = found.problem.suspects, dict[int, Fit]()
     best = fit if fit is found.best else located(found.problem, found.marginal, fit.names, fit.x)
     after = np.full_like(data.measured, math.nan)
-    for held in predicted_together(data, withheld):
-        here = sorted(
-            {int(k) for k in np.searchsorted([rows.stop for rows in data.rows], held, side="right")}
-        )
+    for here, held in predicted_together(data, withheld):
         fit = best
         known: list[ActiveEffect] = []
         if not data.withheld.issuperset(here):
@@ -88,9 +85,7 @@ def close(data: Fitted, found: Found, fit: Fit, withheld: Sequence[int], seed: i
             names = tuple(name for name, one in acting.items() if one not in known)
             fit = _without(found, best, names, rows.ravel())
         predicted = data.predict(_of_the_rig(data, fit), [*fit.effects(suspects), *known], here)
-        blocks = np.concatenate([np.arange(data.rows[k].start, data.rows[k].stop) for k in here])
-        counted = np.isin(blocks, held)
-        after[held] = data.measured[held] - predicted[counted]
+        after[held] = data.measured[held] - predicted[np.isin(_blocks_of(data, here), held)]
         predictions |= dict.fromkeys(here, fit)
     seen = np.isfinite(after)
     after = np.where(seen, data.without_zeros(np.where(seen, after, 0.0)), math.nan)
@@ -142,8 +137,7 @@ def judging(data: Fitted) -> list[int]:
     """Numbers of the logs that are held out in turn, of those that take part in a fit: all with
     a load, or all without any.
     """
-    taking = [k for k in range(len(data.logs)) if k not in data.withheld]
-    return [k for k in taking if math.isfinite(data.logs[k].load)] or taking
+    return [k for k in data.taking if math.isfinite(data.logs[k].load)] or data.taking
 
 
 def share_closed(data: Fitted, suspects: Suspects, fit: Fit) -> float:
@@ -153,8 +147,7 @@ def share_closed(data: Fitted, suspects: Suspects, fit: Fit) -> float:
     given = data.predict(np.zeros(len(data.nuisances)), [])
     fitted = data.predict(_of_the_rig(data, fit), fit.effects(suspects))
     before, after = (data.without_zeros(data.measured - predicted) for predicted in (given, fitted))
-    taking = [k for k in range(len(data.logs)) if k not in data.withheld]
-    by_log = _sums(_squares(data, before, after), [data.rows[k] for k in taking])
+    by_log = _sums(_squares(data, before, after), [data.rows[k] for k in data.taking])
     return float(_share_of(_excess(by_log).sum(axis=1)))
 
 
@@ -169,35 +162,36 @@ CYCLE_PARTS = 3
 """Number of parts in which the cycles of the only load are held out."""
 
 
-def predicted_together(data: Fitted, withheld: Sequence[int]) -> list[NDArray[np.intp]]:
+def predicted_together(
+    data: Fitted, withheld: Sequence[int]
+) -> list[tuple[list[int], NDArray[np.intp]]]:
     """Blocks that are predicted together from a fit to the others, by their numbers, in increasing
-    order.
+    order, and the logs that they are of.
 
     These are those of all logs of a load. Where no other run with a load would remain, as in a
     campaign of one load and an open circuit, an open circuit cannot determine what the load makes
     visible: then its cycles are held out in turn.
     """
-    loads = dict.fromkeys(data.logs[k].load for k in withheld)
-    loaded = {
-        log.load
-        for k, log in enumerate(data.logs)
-        if k not in data.withheld and math.isfinite(log.load)
-    }
+    loaded = {data.logs[k].load for k in data.taking if math.isfinite(data.logs[k].load)}
     found = []
-    for load in loads:
-        here = [k for k in withheld if data.logs[k].load == load]
-        rows = np.concatenate([np.arange(data.rows[k].start, data.rows[k].stop) for k in here])
-        cycles = np.unique(data.blocks.cycle[rows])
+    for load in dict.fromkeys(data.logs[k].load for k in withheld):
+        here = sorted(k for k in withheld if data.logs[k].load == load)
+        blocks = _blocks_of(data, here)
+        cycles = np.unique(data.blocks.cycle[blocks])
         if data.withheld.issuperset(here) or loaded - {load} or cycles.size < 2:
-            found.append(rows)
+            found.append((here, blocks))
             continue
-        part = (
-            np.searchsorted(cycles, data.blocks.cycle[rows])
-            * min(CYCLE_PARTS, cycles.size)
-            // cycles.size
-        )
-        found += [rows[part == number] for number in range(min(CYCLE_PARTS, cycles.size))]
+        parts = min(CYCLE_PARTS, cycles.size)
+        part = np.searchsorted(cycles, data.blocks.cycle[blocks]) * parts // cycles.size
+        log = np.repeat(np.arange(len(data.sizes)), data.sizes)
+        several = [blocks[part == number] for number in range(parts)]
+        found += [(np.unique(log[held]).tolist(), held) for held in several]
     return found
+
+
+def _blocks_of(data: Fitted, logs: Sequence[int]) -> NDArray[np.intp]:
+    """Numbers of the blocks of some logs."""
+    return np.concatenate([np.arange(data.rows[k].start, data.rows[k].stop) for k in logs])
 
 
 def by_cycles(data: Fitted, withheld: Sequence[int]) -> bool:

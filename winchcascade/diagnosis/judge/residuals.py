@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import white_noise
+from winchcascade.core.integrate import rms, white_noise
 from winchcascade.diagnosis.fit.block_means import HOLD, PAYOUT, PHASES, scatter_about_course
 from winchcascade.diagnosis.fit.block_noise import MIN_BLOCKS, unsteadiness_of
 from winchcascade.diagnosis.fit.evidence import Fit
@@ -33,9 +33,7 @@ def block_rms(data: Fitted, z: Signal) -> dict[tuple[str, str], float]:
         for p, name in enumerate(PHASES):
             here = table[(data.blocks.phase == p) & (table[:, k] != 0.0), k]
             if here.size >= BLOCKS_MIN:
-                found[channel, name] = float(
-                    np.sqrt(np.mean(np.minimum(np.abs(here), BLOCK_Z_MAX) ** 2))
-                )
+                found[channel, name] = rms(np.minimum(np.abs(here), BLOCK_Z_MAX))
     return found
 
 
@@ -92,9 +90,9 @@ def unsteadiness(data: Fitted, suspects: Suspects, fit: Fit) -> dict[tuple[str, 
     moves the force also at rest: its scatter there counts as noise.
     """
     residual = data.measured - data.predict(fit.nu, fit.effects(suspects))
-    each = (log for log in enumerate(data.logs) if log[0] not in data.withheld)
     tables = []
-    for k, log in each:
+    for k in data.taking:
+        log = data.logs[k]
         table = unsteadiness_of(log.noise, log.course.blocks, residual[data.rows[k]])
         table[:, FORCE, 1] = np.fmax(table[:, FORCE, 1], _at_rest(log))
         tables.append(table)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from winchcascade.core.integrate import rms
 from winchcascade.core.jobs import linear_algebra_on_one_thread
 from winchcascade.core.log_thresholds import with_thresholds
 from winchcascade.diagnosis.campaign_entries import Entries
@@ -271,9 +272,7 @@ def _closure(fit: StageFit, seed: int) -> StageClosure:
             for kind, own in _kinds(rows)
             if kind // len(PARTS_OF_RUN) == number
         ]
-        before, left = (
-            float(np.sqrt(np.mean(x[here] ** 2))) if here.any() else 0.0 for x in (rows.gap, after)
-        )
+        before, left = (rms(x[here]) if here.any() else 0.0 for x in (rows.gap, after))
         squares = float(np.nansum(noise))
         channels[data.paths[number].channel] = Shrunk(before, left, math.sqrt(squares))
     return StageClosure(channels, share, min(low, share), max(high, share), rows=rows, after=after)

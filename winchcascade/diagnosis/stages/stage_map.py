@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.errors import LogError, RigError
+from winchcascade.core.integrate import rms
 from winchcascade.core.run import Mask, Signal
 from winchcascade.diagnosis.campaign_entries import Entries
 from winchcascade.diagnosis.diagnosis_result import Reported
@@ -162,7 +163,7 @@ def make_loss_map(runs: Sequence[Run], rig: Rig) -> LossMap:
         inside=inside,
         hull=hull,
         points=points,
-        held_out=float(np.sqrt(np.mean(fit.residual(best) ** 2))),
+        held_out=rms(fit.residual(best)),
     )
 
 
