@@ -82,7 +82,7 @@ if TYPE_CHECKING:
 
 class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     """A diagnosis by a model. `predicted` (M, 5) are the blocks of the model of the rig file, or of
-    the owner's own simulation where there is one and `fitted_blocks` those of the fit with its
+    a simulation of the owner where there is one and `fitted_blocks` those of the fit with its
     causes. `rig` is as its file states it; `data.rig` has the numbers before their calibration,
     which the causes are found against.
 
@@ -158,8 +158,8 @@ def diagnose(
     cycles : of each run, the first and last cycle that count, None for all
     windows : of each run, the length of its integration windows [s], None for the rule of the rig
     withheld : numbers of runs that take part in neither choice nor fit; without any, causes are
-        chosen on all runs and each run but open circuits is left out of the fit once
-    seed : of the resampling that the closure's interval comes from
+        chosen on all runs and each run but open circuits is held out of the fit once
+    seed : of the resampling that the interval of the closure follows from
     on_progress : called with a sentence on each step
 
     Raises
@@ -178,8 +178,7 @@ def diagnose(
     data, found = _searched(RigProblem(data, suspects, alike(directions, suspects)), on_progress)
     held_out = HeldOut(data, seed)
     found = concluded(data, found, held_out, on_progress)
-    nothing = np.zeros(len(data.nuisances))
-    predicted = data.predict(nothing, [])
+    predicted = data.stated
     as_found = ModelDiagnosis(
         title=title,
         rig=rig,
@@ -189,7 +188,7 @@ def diagnose(
         runs=tuple(log.run for log in data.logs),
         suspects=suspects,
         chosen=found.best.names,
-        places=compare(data, predicted, data.tolerances(nothing, [])),
+        places=compare(data, predicted),
         stages=stagewise(data),
         predicted=predicted,
         fitted_blocks=data.predict(found.best.nu, found.best.effects(suspects)),
@@ -311,9 +310,7 @@ def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelD
         contributions=without(
             result.contributions, gone | minor, among="residual" if gone else "tolerances"
         ),
-        where=locate(
-            data, data.without_zeros(data.measured - result.predicted), result.places, stage, own
-        ),
+        where=locate(data, data.gap(result.predicted), result.places, stage, own),
         remainder=Remainder(
             share=1.0 if closure is None else max(1.0 - share, 0.0),
             alarms=signs,

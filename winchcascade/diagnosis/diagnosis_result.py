@@ -115,7 +115,7 @@ class Reported(msgspec.Struct, frozen=True):
 
     @property
     def determined(self) -> bool:
-        """Whether the data tell more of it than was known before."""
+        """Whether the data determine it better than it was known before."""
         return math.isfinite(self.low) and math.isfinite(self.high)
 
 
@@ -403,13 +403,13 @@ class Experiment(msgspec.Struct, frozen=True):
     repeats: str = ""
 
 
-# ---------------------------------------------------------------------------- your own simulation
+# -------------------------------------------------------------------- a simulation of the owner
 class ModelForm(msgspec.Struct, frozen=True):
-    """What the owner's own simulation has in another form than the rig's model: the effect or
+    """What a simulation of the owner has in another form than the model of the rig: the effect or
     simplification that is `likely`.
 
-    `bias` is simulation minus rig's model at the place where it shows most, all differences
-    together, `z` in its uncertainties.
+    `bias` is simulation minus model of the rig at the place where it is most significant, all
+    differences together, `z` in its uncertainties.
     """
 
     stage: str
@@ -422,7 +422,7 @@ class ModelForm(msgspec.Struct, frozen=True):
 
 
 class OwnSimulation(msgspec.Struct, frozen=True):
-    """The owner's own simulation beside the rig's model.
+    """A simulation of the owner beside the model of the rig.
 
     `runs` are the simulations on the stamps of the logs, `forms` what they have in another form,
     the largest first, with the `numbers` of each that is likely. `shared` are the causes of the

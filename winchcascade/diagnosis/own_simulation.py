@@ -84,9 +84,8 @@ def beside_own_simulation(
             for log, run in zip(data.logs, simulations, strict=True)
         ]
     )
-    nothing = np.zeros(len(data.nuisances))
-    places = compare(data, given, data.tolerances(nothing, []))
-    where, closure, gap = result.where, result.closure, data.without_zeros(data.measured - given)
+    places, gap = compare(data, given), data.gap(given)
+    where, closure = result.where, result.closure
     own = fit_simulation(simulations, result, on_progress)
     result = msgspec.structs.replace(
         result,
@@ -149,10 +148,7 @@ def fit_simulation(
     data = Fitted(simulations, result.data.rig, result.data.cycles)
     suspects: Suspects = {**result.suspects, **SIMPLIFICATIONS}
     found = search(RigProblem(data, suspects), lambda step: on_progress(f"your simulation: {step}"))
-    nothing = np.zeros(len(data.nuisances))
-    nominal = data.predict(nothing, [])
-    places = compare(data, nominal, data.tolerances(nothing, []))
-    forms = model_forms(data, suspects, found, places)
+    forms = model_forms(data, suspects, found, compare(data, data.stated))
     likely = [form.likely for form in forms if form.likely is not None]
     posterior = posterior_of(found, found.best)
     numbers = {name: parameters_of(posterior, suspects[name], name) for name in likely}
@@ -163,7 +159,7 @@ def model_forms(
     data: Fitted, suspects: Suspects, found: Found, places: Sequence[Place]
 ) -> tuple[ModelForm, ...]:
     """What a simulation has in another form than the model of the rig, each at the place where it shows
-    most, largest first.
+    most, the most significant first.
 
     These are the effects of the fit, and stages in which the residual of the fit has a structure.
 

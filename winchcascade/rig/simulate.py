@@ -131,14 +131,14 @@ class Simulation(Viewed, frozen=True):
 
 
 def simulate(run: Run, model: Model | None = None, *, step: float | None = None) -> Simulation:
-    """Simulate the rig along the line motion of a log, at the log's load and stamps.
+    """Simulate the rig along the line motion of a log, at its load and stamps.
 
     Parameters
     ----------
     run : gives motion, load (unknown counts as an open circuit) and stamps; its other channels are
         not used
     model : the baseline of the rig that the run was read with if not given, without errors of its
-        sensors; of the paper's for a run that was not read
+        sensors; that of the rig of the paper for a run that was not read
     step : of the simulation [s]; by default one that resolves the motion and the rotor
 
     Raises

@@ -6,7 +6,7 @@ downstream. A rig with only some of the stages is compared in these.
 """
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from typing import Literal, get_args
 
 import msgspec
@@ -102,9 +102,7 @@ def along(run: Run, motion: LineMotion, ramp: float, clutch: Signal) -> Along:
     return Along(motion, ramp, x, v, a, (carries == 1.0) & (v > MOVING * motion.rest))
 
 
-def outputs_along(
-    run: Run, model: Model, course: Along, only: Collection[str] = STAGES
-) -> tuple[StageOutput, ...]:
+def outputs_along(run: Run, model: Model, course: Along) -> tuple[StageOutput, ...]:
     """Compute the output of each stage of a rig from its own measured inputs, in order from the
     line to the load.
 
@@ -123,7 +121,6 @@ def outputs_along(
     Parameters
     ----------
     course : motion of the log, as `along` lays it onto the stamps
-    only : the stages that are computed
     """
     electric = ("vdc",) if run.open_circuit else ("vdc", "idc")
     gas = ("pressure",) if model.restoring.has_gas else ()
@@ -142,8 +139,7 @@ def outputs_along(
     return tuple(
         StageOutput(stage, channel, inputs, model.sensors.recorded(channel, run.t, law()))
         for stage, channel, inputs, law in laws
-        if stage in only
-        and set(inputs) <= set(run.channels)
+        if set(inputs) <= set(run.channels)
         and (stage != "load" or math.isfinite(resistance))
         and (stage != "restoring" or gas)
     )

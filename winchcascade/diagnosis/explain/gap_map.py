@@ -36,9 +36,6 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.fit.nuisances import Nuisance
     from winchcascade.rig.parts import Model
 
-ZERO_REACH = 3.0
-"""Bound of a zero, in its standard uncertainties; more is a gap."""
-
 STAGE_OF = {
     "pressure": "restoring",
     "force": "transmission",
@@ -101,17 +98,17 @@ def weigh(
     )
 
 
-def compare(data: Fitted, predicted: Signal, tolerances: Signal) -> tuple[Place, ...]:
-    """Map a gap.
+def compare(data: Fitted, predicted: Signal) -> tuple[Place, ...]:
+    """Map a gap, with the tolerances of the model of the rig file.
 
     Parameters
     ----------
-    predicted : (M, 5) blocks of the model, without zeros
-    tolerances : (M, 5, k) what one standard uncertainty of each nuisance that is simulated moves
+    predicted : (M, 5) blocks of a model, without zeros
     """
-    residual, cycle = data.without_zeros(data.measured - predicted), data.blocks.cycle
-    u_zero = data.zeros(np.ones(len(data.nuisances)))
-    tolerances = np.concatenate((tolerances, data.discrepancies()), axis=2)
+    residual, cycle = data.gap(predicted), data.blocks.cycle
+    one = np.ones(len(data.nuisances))
+    u_zero = data.zeros(one)
+    tolerances = np.concatenate((data.tolerances(0.0 * one, []), data.discrepancies()), axis=2)
     return tuple(
         msgspec.structs.replace(
             weigh(

@@ -353,6 +353,15 @@ class Fitted:
                     here = self.seen[rows, k] & (self.blocks.phase[rows] == phase)
                     yield log, k, phase, rows.start + np.flatnonzero(here)
 
+    @property
+    def stated(self) -> Signal:
+        """Blocks that the model of the rig file gives, (M, 5), without errors of sensors."""
+        return self.predict(np.zeros(len(self.nuisances)), [])
+
+    def gap(self, predicted: Signal) -> Signal:
+        """Measured minus predicted blocks, (M, 5), without the zeros of each log."""
+        return self.without_zeros(self.measured - predicted)
+
     def without_zeros(self, residual: Signal) -> Signal:
         """Residual blocks of every log, (M, 5), without the zeros of each log: weighted means, at
         most `ZERO_REACH` tolerances.

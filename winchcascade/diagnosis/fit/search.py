@@ -203,8 +203,7 @@ class Centre(msgspec.Struct, frozen=True):
 
 
 class Found(msgspec.Struct, frozen=True):
-    """What a search found: the best fit, that without any cause, the newest fit of each set, and
-    the expansion about the best.
+    """What a search found: the best fit, the newest fit of each set, and the expansion about the best.
 
     `centres` are all fits that were expanded about, by their sets. No set of `rejected`, and none
     with one of the `imitators`, is the best, whatever its evidence. `tried` are sets with the best
@@ -212,7 +211,6 @@ class Found(msgspec.Struct, frozen=True):
     """
 
     best: Fit
-    null: Fit
     fits: dict[Names, Fit]
     expansion: Expansion
     marginal: Marginal
@@ -341,9 +339,7 @@ def search(
     if np.max(np.abs(given.nu), initial=0.0) > NEAR_ZERO:
         marginal = marginal_about(problem, [], given.nu)
     null, expansion = expand(problem, marginal, (), {}, 1.0)
-    found = Found(
-        null, null, {(): null}, expansion, marginal, {(): Centre(null, expansion, marginal)}
-    )
+    found = Found(null, {(): null}, expansion, marginal, {(): Centre(null, expansion, marginal)})
     _go(
         found,
         found.about(start) if start is not None and start.names else found.centres[()],

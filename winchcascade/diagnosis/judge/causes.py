@@ -54,8 +54,8 @@ ONE_SIDED = 1.645
 
 
 OPEN_SHARE = 1.0 / (1.0 + 0.25)
-"""Share of the variance of its prior above which a number is not determined: the data tell of it
-less than a quarter of what was known before. [1]"""
+"""Share of the variance of its prior above which a number is not determined: the data add less
+than a quarter to what was known before. [1]"""
 
 
 class LookAlike(NamedTuple):
@@ -221,8 +221,8 @@ def _interval(
 ) -> Reported:
     """A number that follows from the fields of a cause, with its 95 % interval.
 
-    The interval is infinite where the data tell little of the number, and one-sided where one field
-    at a bound gives it.
+    The interval is infinite where the data do not determine the number, and one-sided where one
+    field at a bound gives it.
 
     Parameters
     ----------

@@ -1,6 +1,4 @@
-"""How far a gap shrinks on held-out logs, and whether the residual of the fit is more than
-noise, and where.
-"""
+"""How far a gap shrinks on held-out logs, with the interval by other choices of their cycles."""
 
 from __future__ import annotations
 
@@ -89,9 +87,7 @@ def close(data: Fitted, found: Found, fit: Fit, withheld: Sequence[int], seed: i
         predictions |= dict.fromkeys(here, fit)
     seen = np.isfinite(after)
     after = np.where(seen, data.without_zeros(np.where(seen, after, 0.0)), math.nan)
-    given = data.predict(np.zeros(len(data.nuisances)), [])
-    before = data.without_zeros(data.measured - given)
-    return closure_between(data, before, after, predictions, seed)
+    return closure_between(data, data.gap(data.stated), after, predictions, seed)
 
 
 def _without(found: Found, fit: Fit, names: Names, rows: Signal) -> Fit:
@@ -144,10 +140,9 @@ def share_closed(data: Fitted, suspects: Suspects, fit: Fit) -> float:
     """Share of the explainable gap that causes close on the logs of their own fit, numbers of
     the rig within `REACH`. [1]
     """
-    given = data.predict(np.zeros(len(data.nuisances)), [])
     fitted = data.predict(_of_the_rig(data, fit), fit.effects(suspects))
-    before, after = (data.without_zeros(data.measured - predicted) for predicted in (given, fitted))
-    by_log = _sums(_squares(data, before, after), [data.rows[k] for k in data.taking])
+    squares = _squares(data, data.gap(data.stated), data.gap(fitted))
+    by_log = _sums(squares, [data.rows[k] for k in data.taking])
     return float(_share_of(_excess(by_log).sum(axis=1)))
 
 

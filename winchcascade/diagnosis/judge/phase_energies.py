@@ -71,7 +71,7 @@ class Known(NamedTuple):
 
 
 def energies_of(data: Fitted, suspects: Suspects, fit: Fit) -> tuple[StageEnergy, ...]:
-    """Energies of every run by phase; stages that a run cannot give are left out."""
+    """Energies of every run by phase; without stages that a run cannot give."""
     effects, nothing = fit.effects(suspects), np.zeros_like(fit.nu)
     skew, zeros, known = data.skew(fit.nu), data.zeros(fit.nu), _known(data, suspects, fit)
     models = [data.models(nothing, []), data.models(fit.nu, []), data.models(fit.nu, effects)]

@@ -1,8 +1,8 @@
 """Stability of each cause: its number in every run, and whether this drifts over the runs or
 depends on the load.
 
-The objective is expanded about the joint fit, and every run gets a strength of the cause of its
-own. The other causes and the nuisances are common to the runs: what a common nuisance can explain
+The objective is expanded about the joint fit, and every run gets a separate strength of the cause.
+The other causes and the nuisances are common to the runs: what a common nuisance can explain
 is no scatter of the runs.
 """
 

@@ -132,7 +132,7 @@ def diagnose_stages(
 
     Parameters
     ----------
-    entries : runs; if none is withheld, causes are chosen on all cycles and each is left out of the
+    entries : runs; if none is withheld, causes are chosen on all cycles and each is held out of the
         fit once
     suspects : effects by name that may be named; those that are laws of the stages count
     seed : of the resampling of cycles
@@ -153,7 +153,7 @@ def diagnosed(
     data: StageData, title: str, rig: Rig, seed: int, on_progress: Callable[[str], None]
 ) -> StageDiagnosis:
     """Find the laws that explain some rows, and judge them."""
-    on_progress("leaving each cycle out in turn")
+    on_progress("holding each cycle out in turn")
     fit = fit_of(data)
     closure = _closure(fit, seed)
     on_progress("looking for alternative explanations")

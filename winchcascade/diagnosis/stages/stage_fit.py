@@ -323,7 +323,6 @@ def linear_search(problem: StageProblem, *, pruned: bool = True) -> Found:
         marginal_about(problem, [], np.zeros(problem.nuisances)),
         tuple(sorted(problem.suspects)),
     )
-    null = fit_set(problem, marginal, ())
     full, expansion = expand(
         problem, marginal, every, _least_squares(problem, marginal, every), 1.0
     )
@@ -342,7 +341,8 @@ def linear_search(problem: StageProblem, *, pruned: bool = True) -> Found:
             break
         best = further
     centre = Centre(fit, expansion, marginal)
-    return Found(fit, null, {(): null, fit.names: fit}, expansion, marginal, {fit.names: centre})
+    fits = {(): fit_set(problem, marginal, ()), fit.names: fit}
+    return Found(fit, fits, expansion, marginal, {fit.names: centre})
 
 
 def most_probable(fit: StageFit) -> StageFit:

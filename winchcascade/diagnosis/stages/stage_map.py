@@ -212,7 +212,7 @@ def _surface(fit: StageFit, grid: Signal) -> tuple[Signal, Signal]:
 
 
 def convex_hull(points: Signal, places: Signal) -> tuple[Signal, Mask]:
-    """Corners of the convex hull of points, (k, 2), anticlockwise from the least x, and whether
+    """Corners of the convex hull of points, (k, 2), anticlockwise from the minimum x, and whether
     places, (..., 2), lie in it.
 
     Of points on a line the corners are the two ends, and no place lies in it.
