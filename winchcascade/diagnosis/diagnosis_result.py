@@ -356,7 +356,9 @@ class GapClosure(msgspec.Struct, frozen=True):
 
 
 AlarmKind = Literal[
-    "structure", "scatter", "ripple", "nuisance", "drift", "range", "improbable", "cancelling", "worse", "energy", "residual"
+    "structure", "scatter", "ripple", "nuisance",
+    "drift", "range", "improbable", "cancelling", "worse",
+    "energy", "residual",
 ]  # fmt: skip
 """Kinds of signs of something unexplained, as `judge.alarms` has them."""
 

@@ -158,8 +158,8 @@ def fit_simulation(
 def model_forms(
     data: Fitted, suspects: Suspects, found: Found, places: Sequence[Place]
 ) -> tuple[ModelForm, ...]:
-    """What a simulation has in another form than the model of the rig, each at the place where it shows
-    most, the most significant first.
+    """What a simulation has in another form than the model of the rig, each at its most significant
+    place, the most significant first.
 
     These are the effects of the fit, and stages in which the residual of the fit has a structure.
 

@@ -1,4 +1,4 @@
-"""A simulation of the owner at the stamps of the log that it belongs to, with the lag of its clock."""
+"""A simulation of the owner at the stamps of its log, with the lag of its clock."""
 
 from __future__ import annotations
 

@@ -48,9 +48,10 @@ def scatter(data: Fitted, suspects: Suspects, fit: Fit) -> dict[str, float]:
     the worst log, by channel.
 
     What noise and fast motion of the line move, which the smoothed velocity lacks, is the change of
-    the simulation where the velocity is smoothed over `FAST_MOTION_WIDTH` of the width. The force is not
-    judged: its tether rings. This shows a ripple that the means of blocks do not contain. Fast motion moves
-    a channel by as much at any load: the model's part is that of the log with the highest level.
+    the simulation where the velocity is smoothed over `FAST_MOTION_WIDTH` of the width. The force
+    is not judged: its tether rings. This shows a ripple that the means of blocks do not contain.
+    Fast motion moves a channel by as much at any load: the part of the model is that of the log
+    with the highest level.
     """
     models, skew = data.models(fit.nu, fit.effects(suspects)), data.skew(fit.nu)
     share = data.rig.model.discrepancy

@@ -1,4 +1,4 @@
-"""The verdict on a gap: how far it is explained, and which names are causes and which candidates."""
+"""The verdict on a gap, and which of the effects that are named are causes or candidates."""
 
 from __future__ import annotations
 

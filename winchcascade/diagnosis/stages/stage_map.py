@@ -217,7 +217,8 @@ def convex_hull(points: Signal, places: Signal) -> tuple[Signal, Mask]:
 
     Of points on a line the corners are the two ends, and no place lies in it.
 
-    >>> square, inside = convex_hull(np.array([[0.0, 0.0], [2, 0], [1, 2], [1, 0.5]]), np.array([[1.0, 1.0], [0.0, 2.0]]))
+    >>> points = np.array([[0.0, 0.0], [2, 0], [1, 2], [1, 0.5]])
+    >>> square, inside = convex_hull(points, np.array([[1.0, 1.0], [0.0, 2.0]]))
     >>> square.tolist(), inside.tolist()
     ([[0.0, 0.0], [2.0, 0.0], [1.0, 2.0]], [True, False])
     """
