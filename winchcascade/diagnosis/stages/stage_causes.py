@@ -32,12 +32,11 @@ from winchcascade.diagnosis.judge.causes import (
 from winchcascade.diagnosis.judge.stability import trends_of
 from winchcascade.diagnosis.stages.stage_fit import FOLDS, StageFit, noise_of
 from winchcascade.diagnosis.stages.stage_laws import MOTIONS
-from winchcascade.diagnosis.stages.stage_signals import SIGNALS
 from winchcascade.diagnosis.verdict_limits import AS_GOOD, LAW, OPEN
 
 if TYPE_CHECKING:
     from winchcascade.diagnosis.fit.evidence import Fit
-    from winchcascade.rig.effects.effect import StageLaw
+    from winchcascade.diagnosis.stages.stage_laws import Suspected
 
 MATERIAL = 0.01
 """Share of the power of the winch, root mean squares, that a cause must take to be named: in logs
@@ -231,7 +230,7 @@ def _significance(fit: StageFit, other: Fit, motion: float, load: float) -> floa
     motion, load : multiples of those of the campaign [1]
     """
     best, data = fit.found.best, fit.data
-    factors = np.array([_factor(one.law, one.channel, motion, load) for one in data.laws.values()])
+    factors = np.array([_factor(one, motion, load) for one in data.laws.values()])
     planned = fit.rows[:, : factors.size] * factors
     j = planned[:, fit.columns_of(other)]
     z = planned[:, fit.columns_of(best)] @ best.x - j @ other.x
@@ -241,15 +240,15 @@ def _significance(fit: StageFit, other: Fit, motion: float, load: float) -> floa
     )
 
 
-def _factor(law: StageLaw, channel: str, motion: float, load: float) -> float:
+def _factor(suspected: Suspected, motion: float, load: float) -> float:
     """Multiple of the power of a law where motion and load are multiples of those of the
     campaign.
     """
+    law = suspected.law
     if law.kind == "gain":
         return motion * load
     if law.kind == "zero":
-        grows = MOTIONS.get(SIGNALS.get(channel, channel), 0)
-        return load if grows else motion
+        return load if suspected.of_motion else motion
     powers = {name: (2 if law.kind == "store" else power) for name, power in law.over.items()}
     scales = {"power": motion * load} | {
         name: motion if grows else load for name, grows in MOTIONS.items()

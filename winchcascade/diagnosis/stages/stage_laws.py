@@ -13,7 +13,7 @@ from winchcascade.core.accuracy import part_uncertainty
 from winchcascade.core.errors import RigError
 from winchcascade.core.quantity import si_unit
 from winchcascade.core.rig_file import StatedLaw
-from winchcascade.diagnosis.stages.stage_signals import PARTS, StagePath, StageSignals
+from winchcascade.diagnosis.stages.stage_signals import PARTS, SIGNALS, StagePath, StageSignals
 from winchcascade.rig.effects.catalogue import EFFECTS, LAWS
 from winchcascade.rig.effects.effect import Display, Effect, Parameter, StageLaw, Values
 
@@ -57,7 +57,8 @@ class Suspected(msgspec.Struct, frozen=True):
     """A law that may act on the `paths` of these numbers, by itself or through a sensor `channel`.
 
     `stated` is what the rig file states of a law; of a sensor it is `known` where it states an
-    uncertainty. A law beside a model is `signed`: the rig may lose less than its model.
+    uncertainty, and `of_motion` where it reads what grows with the motion. A law beside a model is
+    `signed`: the rig may lose less than its model.
     """
 
     law: StageLaw
@@ -66,6 +67,7 @@ class Suspected(msgspec.Struct, frozen=True):
     signed: bool = False
     stated: StatedLaw | None = None
     known: bool = False
+    of_motion: bool = False
 
 
 Suspecteds = dict[str, Suspected]
@@ -150,7 +152,9 @@ def _suspected_sensors(
                 known = sensor is not None and part_uncertainty(sensor, part) > 0.0
                 unit = si_unit(dimension) if part == "zero" else law.unit
                 law = msgspec.structs.replace(law, unit=unit)
-                found[name] = Suspected(law, tuple(range(len(paths))), channel, known=known)
+                of_motion = MOTIONS[SIGNALS[dimension]] == 1
+                every = tuple(range(len(paths)))
+                found[name] = Suspected(law, every, channel, known=known, of_motion=of_motion)
     return found
 
 
