@@ -16,11 +16,12 @@ from rigs import calibrated_rig
 from winchcascade.batch.campaign_diagnosis import diagnose_campaign, diagnose_listed
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import CampaignError, LogError, OptionError
-from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_numbers
+from winchcascade.diagnosis.campaign_entries import withheld_numbers
+from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.diagnosis_result import Spot
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.predict import CHANNELS
-from winchcascade.diagnosis.judge.closure import by_cycles, left_out
+from winchcascade.diagnosis.judge.closure import by_cycles, predicted_together
 from winchcascade.report.diagnosis_names import about_words
 from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.report.results.diagnosis_sentences import place_sentence
@@ -146,19 +147,20 @@ def test_an_eccentric_drum_is_no_noise() -> None:
     assert (worst.kind, worst.about) == ("ripple", Spot("torque", "payout"))
 
 
-def test_the_cycles_of_the_only_load_are_left_out_in_turn() -> None:
+def test_the_cycles_of_the_only_load_are_held_out_in_turn() -> None:
     open_circuit, _, loaded = campaign({})
     data = Fitted([open_circuit, loaded], calibrated_rig())
-    parts = left_out(data, [1])
+    parts = [blocks for _, blocks in predicted_together(data, [1])]
     assert by_cycles(data, [1])
     assert np.concatenate(parts).tolist() == list(range(data.rows[1].start, data.rows[1].stop))
     cycles = [set(data.blocks.cycle[part].tolist()) for part in parts]
     assert len(cycles) > 1
     assert not set.intersection(*cycles)
     whole = Fitted(campaign({}), calibrated_rig())
-    assert [(int(part[0]), int(part[-1]) + 1) for part in left_out(whole, [1, 2])] == [
-        (rows.start, rows.stop) for rows in whole.rows[1:]
-    ]
+    assert [
+        (logs, int(blocks[0]), int(blocks[-1]) + 1)
+        for logs, blocks in predicted_together(whole, [1, 2])
+    ] == [([k], whole.rows[k].start, whole.rows[k].stop) for k in (1, 2)]
     assert not by_cycles(whole, [1, 2])
 
 

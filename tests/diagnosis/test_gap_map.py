@@ -62,13 +62,11 @@ def offset(data: Fitted, channel: str, by: float | np.ndarray) -> Fitted:
 
 
 def mapped(data: Fitted) -> tuple[Place, ...]:
-    nothing = np.zeros(len(data.nuisances))
-    predicted = data.predict(nothing, [])
-    return compare(data, predicted, data.tolerances(nothing, []))
+    return compare(data, data.stated)
 
 
 def left(data: Fitted) -> np.ndarray:
-    return data.without_zeros(data.measured - data.predict(np.zeros(len(data.nuisances)), []))
+    return data.gap(data.stated)
 
 
 # --------------------------------------------------------------------------------- the yardsticks

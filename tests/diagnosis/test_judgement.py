@@ -6,7 +6,6 @@ import pytest
 from diagnosed import diagnosed
 
 from winchcascade import OptionError
-from winchcascade.diagnosis.diagnose import parted
 from winchcascade.diagnosis.diagnosis_result import (
     Alarm,
     Judgement,
@@ -18,9 +17,10 @@ from winchcascade.diagnosis.diagnosis_result import (
 )
 from winchcascade.diagnosis.fit.entries import class_of, effect_name, same_in_logs
 from winchcascade.diagnosis.fit.predict import CHANNELS
-from winchcascade.diagnosis.judge.alarms import moved_by
 from winchcascade.diagnosis.judge.causes import COVERED
-from winchcascade.diagnosis.judge.conclusion import is_within_law, shares_of_plateau
+from winchcascade.diagnosis.judge.conclusion import is_within_law
+from winchcascade.diagnosis.judge.relevance import moved_by, share_of_plateau
+from winchcascade.diagnosis.judge.verdict import parted
 from winchcascade.diagnosis.verdict_limits import LAW, MARGIN, MOSTLY, OPEN, STRUCTURED
 from winchcascade.rig.effects.catalogue import CLASSES, EFFECTS, LAWS
 
@@ -114,7 +114,8 @@ def test_a_cause_that_moves_no_more_than_the_law_of_another_leaves_open_is_withi
     found = diagnosed("copper")
     data, (name,) = found.data, found.found.best.names
     whole = moved_by(data, found.suspects, found.found.best)[name]
-    moved = shares_of_plateau(data, {name: whole, "small": share * COVERED * LAW * whole})
+    small = share * COVERED * LAW * whole
+    moved = {name: share_of_plateau(data, whole), "small": share_of_plateau(data, small)}
     assert moved[name][CHANNELS.index("vdc")] > moved[name][CHANNELS.index("pressure")] == 0.0
     assert is_within_law(moved, "small") == within
     assert not is_within_law(moved, name)

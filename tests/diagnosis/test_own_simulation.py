@@ -17,7 +17,12 @@ from winchcascade.core.errors import LogError
 from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.explain.gap_map import STANDS_OUT
-from winchcascade.diagnosis.own_simulation import SAME, beside_own_simulation, on_the_logs, onto_log
+from winchcascade.diagnosis.own_simulation import beside_own_simulation
+from winchcascade.diagnosis.simulation_at_stamps import (
+    VELOCITY_DIFFERENCE_MAX,
+    on_the_logs,
+    onto_log,
+)
 from winchcascade.ingest.read import read_run
 from winchcascade.report.content import Table
 from winchcascade.report.render.terminal import terminal_text
@@ -237,7 +242,7 @@ def test_another_motion_is_rejected_with_its_difference(simulation: Run) -> None
         LogError, match=r"differ by 3 % rms after a shift of 0 s; expected 1 % at most"
     ):
         onto_log(faster(simulation, 0.03), driven()[1], WHOLE)
-    assert onto_log(faster(simulation, 0.8 * SAME), driven()[1], WHOLE).samples
+    assert onto_log(faster(simulation, 0.8 * VELOCITY_DIFFERENCE_MAX), driven()[1], WHOLE).samples
 
 
 def test_a_simulation_that_ends_before_the_log_is_rejected_unless_those_cycles_do_not_count(

@@ -115,12 +115,12 @@ def test_every_fit_is_kept_and_each_set_has_the_newest() -> None:
 
 def test_a_search_goes_on_from_a_fit_with_more_evidence_wherever_it_was_made() -> None:
     problem = Hidden()
-    beside = msgspec.structs.replace(hidden(), fits={(): hidden().null}, centres={})
+    beside = msgspec.structs.replace(hidden(), fits={(): hidden().fits[()]}, centres={})
     beside.about(hidden().fits[PAIR])
     beside = beside.led_by(PAIR)
     assert gone_on(beside).best.names == PAIR
     start = {HIDDEN: np.array(problem.begins[HIDDEN])}
-    assert beside.fit((HIDDEN,), start).loss < beside.null.loss
+    assert beside.fit((HIDDEN,), start).loss < beside.fits[()].loss
     beside.fit(TRUE, start)
     assert gone_on(beside).best.names == TRUE
 

@@ -17,7 +17,7 @@ from winchcascade.batch.campaign_diagnosis import diagnose_listed
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import CampaignError, LogError, OptionError
 from winchcascade.core.run import Run
-from winchcascade.diagnosis.diagnosis_result import Entries
+from winchcascade.diagnosis.campaign_entries import Entries
 from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis, diagnose_stages
 from winchcascade.ingest.read import read_run
 from winchcascade.report.render.page import page_text

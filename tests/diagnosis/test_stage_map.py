@@ -15,9 +15,10 @@ from winchcascade.core.errors import LogError, OptionError, RigError
 from winchcascade.core.rig_file import Rig, Sensor, StatedLaw
 from winchcascade.core.rig_toml import read_rig
 from winchcascade.core.run import Run, Signal
-from winchcascade.diagnosis.diagnosis_result import Entries
+from winchcascade.diagnosis.campaign_entries import Entries
 from winchcascade.diagnosis.stages.diagnose_stages import diagnose_stages
 from winchcascade.diagnosis.stages.stage_map import LossMap, convex_hull, make_loss_map
+from winchcascade.diagnosis.stages.stage_samples import stage_data
 from winchcascade.ingest.read import read_run
 from winchcascade.report.results.loss_map import write_loss_map
 from winchcascade.rig.baseline import load_rig
@@ -148,6 +149,14 @@ def test_a_sensor_within_what_the_rig_file_states_is_no_loss(tmp_path: Path) -> 
     (law,) = (one for one in make_loss_map([high], known).laws if one.name == "power_share")
     assert law.number.low < 0.03 < law.number.high
     assert wide == pytest.approx(0.04, abs=0.02)
+
+
+def test_a_zero_grows_with_the_factor_of_the_power_that_its_sensor_does_not_read(
+    tmp_path: Path,
+) -> None:
+    laws = stage_data(Entries([dyno_run()]), bench(tmp_path), EFFECTS).laws.values()
+    of_motion = {one.channel: one.of_motion for one in laws if one.law.kind == "zero"}
+    assert of_motion == {"torque": False, "vdc": True, "idc": False}
 
 
 def test_laws_that_the_rig_file_states_wrongly_are_rejected(tmp_path: Path) -> None:

@@ -19,10 +19,11 @@ from winchcascade.core.files import write_content, write_whole
 from winchcascade.core.log_thresholds import with_thresholds
 from winchcascade.core.quantity import UNITS
 from winchcascade.core.rig_toml import first_named
-from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_numbers
-from winchcascade.diagnosis.diagnosis_result import Entries
+from winchcascade.diagnosis.campaign_entries import Entries, withheld_numbers
+from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.handover.rig_text import corrected_rig, corrected_rig_text
-from winchcascade.diagnosis.own_simulation import beside_own_simulation, on_the_logs
+from winchcascade.diagnosis.own_simulation import beside_own_simulation
+from winchcascade.diagnosis.simulation_at_stamps import on_the_logs
 from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis, diagnose_stages
 from winchcascade.ingest.read import read_by, read_run
 from winchcascade.reduction.reduce import reduce

@@ -51,7 +51,10 @@ def comparison_notes(
     for kind, note_text in (*NOTES, *([_NOT_SPLIT] if same_sensors else [])):
         notes += _grouped(kind, note_text, matched)
     if same_sensors and unlike:
-        text = f"the rig files state different gains of {', '.join(unlike)}, so that they count as independent"
+        text = (
+            f"the rig files state different gains of {', '.join(unlike)}, so that they count as "
+            "independent"
+        )
         notes.append(ComparisonNote("shared_gains", text))
     return tuple(notes)
 
@@ -112,7 +115,10 @@ def _lengths(runs: MatchedRuns) -> str | tuple[str, str]:
     """Windows of one rule whose lengths differ, as the motions do."""
     if len({run.window for run in (*runs.a, *runs.b)}) > 1 or not isinstance(runs.a[0].window, str):
         return ""
-    sentence = f"windows of the rule {runs.a[0].window} follow the motion and differ in length; energies grow with the window"
+    sentence = (
+        f"windows of the rule {runs.a[0].window} follow the motion and differ in length; energies "
+        "grow with the window"
+    )
     return _apart(lambda run: run.window_length, LENGTH_SAME, "s", sentence)(runs)
 
 
@@ -182,7 +188,10 @@ def _repeatability(runs: MatchedRuns) -> str:
     ]
     if not lacking or not runs.differences:
         return ""
-    return f"the interval does not contain the repeatability of {' and '.join(lacking)}, which needs cycles that repeat"
+    return (
+        f"the interval does not contain the repeatability of {' and '.join(lacking)}, which needs "
+        "cycles that repeat"
+    )
 
 
 def _waves(runs: MatchedRuns) -> str:
@@ -203,7 +212,10 @@ def _accuracy(runs: MatchedRuns) -> str:
     channels = sorted(frozenset().union(*(run.unknown for run in (*runs.a, *runs.b))))
     which = "any metric" if len(without) == len(runs.differences) else ", ".join(without)
     why = f" of {', '.join(channels)} under [sensors] of the rig file" if channels else ""
-    return f"no interval of {which} for lack of an accuracy{why}; that of the repeatability alone is in JSON and report"
+    return (
+        f"no interval of {which} for lack of an accuracy{why}; that of the repeatability alone is "
+        "in JSON and report"
+    )
 
 
 def _not_split(runs: MatchedRuns) -> str:

@@ -41,7 +41,7 @@ class ComparedRun(msgspec.Struct, frozen=True):
     ----------
     file : name of the log without folder and ending, which matches logs without a load
     load : inf for an open circuit, None where it is not known [ohm]
-    simulated : whether `simulate` made the log: no sensor's error acts on it
+    simulated : whether `simulate` made the log: no error of a sensor acts on it
     window : rule or length of the integration windows [s]
     cycles_from : source of the cycles by [phases] of the rig file
     window_length, speed : means over the complete cycles: window [s] and plateau of the payout

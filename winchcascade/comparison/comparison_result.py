@@ -13,7 +13,8 @@ from winchcascade.comparison.differences import Difference
 from winchcascade.core.viewed import Viewed
 
 NoteKind = Literal[
-    "windows", "motion", "data", "stages", "rigs", "same_log", "pooled", "repeatability", "accuracy", "shared_gains", "cycles"
+    "windows", "motion", "data", "stages", "rigs", "same_log", "pooled", "repeatability",
+    "accuracy", "shared_gains", "cycles",
 ]  # fmt: skip
 """What a note is about."""
 

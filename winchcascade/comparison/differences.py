@@ -3,8 +3,8 @@ G.4).
 
 A side is one log, or the repeats of one load. Its uncertainty has three parts:
 
-- the scatter of the cycles (type A), s/sqrt(N) with N - 1 degrees of freedom; of repeats that within the logs, and what the
-  means of the logs scatter beyond it and beyond their zeros;
+- the scatter of the cycles (type A), s/sqrt(N) with N - 1 degrees of freedom; of repeats that
+  within the logs, and what the means of the logs scatter beyond it and beyond their zeros;
 - gains of the sensors (type B), the same in all logs of a side;
 - zeros, sampling and bridged gaps (type B), of each log alone.
 
@@ -31,9 +31,12 @@ SAME = 1e-6
 
 
 WRITTEN = {
-    "value": "difference", "uncertainty": "standard_uncertainty", "freedom": "degrees_of_freedom", "interval": "interval_95",
+    "value": "difference",
+    "uncertainty": "standard_uncertainty",
+    "freedom": "degrees_of_freedom",
+    "interval": "interval_95",
     "interval_repeatability": "interval_95_repeatability",
-}  # fmt: skip
+}
 """Names of the fields in written files."""
 
 

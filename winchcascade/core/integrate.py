@@ -73,6 +73,15 @@ def median(x: Signal) -> float:
     return quantile(x, 0.5)
 
 
+def rms(x: Signal) -> float:
+    """Root mean square of a signal, in its unit.
+
+    >>> rms(np.array([3.0, -4.0, 5.0, 0.0]))
+    3.5355339059327378
+    """
+    return float(np.sqrt(np.mean(x**2)))
+
+
 def largest(x: Signal) -> float:
     """Largest magnitude of finite values, without a copy; x must not be empty."""
     return max(float(x.max()), -float(x.min()))

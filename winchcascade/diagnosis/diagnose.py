@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.core.errors import LogError, OptionError
+from winchcascade.core.errors import LogError
 from winchcascade.core.jobs import linear_algebra_on_one_thread
+from winchcascade.diagnosis.campaign_entries import Entries
 from winchcascade.diagnosis.diagnosis_result import (
-    Alarm,
     Contribution,
     DiagnosisResult,
-    Entries,
     Minor,
     NamedCause,
     Names,
@@ -24,9 +23,7 @@ from winchcascade.diagnosis.diagnosis_result import (
     Place,
     Remainder,
     SingleEffect,
-    Spot,
     StageEnergy,
-    Verdict,
 )
 from winchcascade.diagnosis.explain.contributions import (
     by_cost,
@@ -51,12 +48,12 @@ from winchcascade.diagnosis.fit.nuisances import before_calibration
 from winchcascade.diagnosis.fit.rig_problem import RigProblem
 from winchcascade.diagnosis.fit.search import Found, search, weighing
 from winchcascade.diagnosis.fit.undetermined import Direction, alike, undetermined
-from winchcascade.diagnosis.judge.alarms import SIGNS, Judged, moved_by, ringing
+from winchcascade.diagnosis.judge.alarms import SIGNS, Judged, ringing
 from winchcascade.diagnosis.judge.causes import (
     causes_of,
+    chances_of,
     parameters_of,
     posterior_of,
-    probabilities,
 )
 from winchcascade.diagnosis.judge.closure import (
     HeldOut,
@@ -67,9 +64,10 @@ from winchcascade.diagnosis.judge.closure import (
 )
 from winchcascade.diagnosis.judge.conclusion import concluded
 from winchcascade.diagnosis.judge.phase_energies import energies_of
-from winchcascade.diagnosis.judge.relevance import largest_change, minor_of
-from winchcascade.diagnosis.judge.stability import with_stability
-from winchcascade.diagnosis.verdict_limits import HALF, HINTS, MARGIN, MOSTLY, OPEN
+from winchcascade.diagnosis.judge.relevance import largest_change, minor_of, moved_by
+from winchcascade.diagnosis.judge.stability import stabilities
+from winchcascade.diagnosis.judge.verdict import parted, verdict_of
+from winchcascade.diagnosis.verdict_limits import HINTS
 from winchcascade.rig.simulate import read_by
 
 if TYPE_CHECKING:
@@ -84,7 +82,7 @@ if TYPE_CHECKING:
 
 class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     """A diagnosis by a model. `predicted` (M, 5) are the blocks of the model of the rig file, or of
-    the owner's own simulation where there is one and `fitted_blocks` those of the fit with its
+    a simulation of the owner where there is one and `fitted_blocks` those of the fit with its
     causes. `rig` is as its file states it; `data.rig` has the numbers before their calibration,
     which the causes are found against.
 
@@ -160,8 +158,8 @@ def diagnose(
     cycles : of each run, the first and last cycle that count, None for all
     windows : of each run, the length of its integration windows [s], None for the rule of the rig
     withheld : numbers of runs that take part in neither choice nor fit; without any, causes are
-        chosen on all runs and each run but open circuits is left out of the fit once
-    seed : of the resampling that the closure's interval comes from
+        chosen on all runs and each run but open circuits is held out of the fit once
+    seed : of the resampling that the interval of the closure follows from
     on_progress : called with a sentence on each step
 
     Raises
@@ -174,29 +172,13 @@ def diagnose(
     on_progress("simulating the model of the rig file")
     before = before_calibration(rig)
     data = Fitted(runs, before, cycles, withheld)
+    _check_channels(data)
     suspects = bound_to(suspects, before, runs, data.scales)
-    channels = read_by(data.nominal)
-    if not any(log.noise.seen.any() for k, log in enumerate(data.logs) if k not in data.withheld):
-        raise LogError(
-            f"{data.logs[0].run.name}: no log that takes part has {', '.join(channels[:-1])} or "
-            f"{channels[-1]} that the model "
-            "could be compared with; expected one of them at least beside the velocity. Name the "
-            "columns in a rig file under "
-            "[columns]."
-        )
     directions = undetermined(data)
-    problem = RigProblem(data, suspects, alike(directions, suspects))
-    found = search(problem, on_progress)
-    calmed = data.with_ramps(
-        data.measured - data.predict(found.best.nu, found.best.effects(suspects))
-    )
-    if calmed is not None:
-        data = calmed
-        found = search(msgspec.structs.replace(problem, data=data), on_progress, found.best)
+    data, found = _searched(RigProblem(data, suspects, alike(directions, suspects)), on_progress)
     held_out = HeldOut(data, seed)
     found = concluded(data, found, held_out, on_progress)
-    nothing = np.zeros(len(data.nuisances))
-    predicted = data.predict(nothing, [])
+    predicted = data.stated
     as_found = ModelDiagnosis(
         title=title,
         rig=rig,
@@ -206,17 +188,38 @@ def diagnose(
         runs=tuple(log.run for log in data.logs),
         suspects=suspects,
         chosen=found.best.names,
-        places=compare(data, predicted, data.tolerances(nothing, [])),
+        places=compare(data, predicted),
         stages=stagewise(data),
         predicted=predicted,
         fitted_blocks=data.predict(found.best.nu, found.best.effects(suspects)),
-        sets=probabilities(found.sets(), found.evidence),
+        sets=chances_of(found),
         energies=energies_of(data, suspects, found.best),
         not_visible=not_visible(found),
         singles=_singles(found, held_out),
         undetermined=directions,
     )
     return judged(_with_causes(as_found, held_out, windows, on_progress), on_progress)
+
+
+def _check_channels(data: Fitted) -> None:
+    """Reject logs of which none that takes part has a channel of the model: LogError."""
+    channels = read_by(data.nominal)
+    if not any(data.logs[k].noise.seen.any() for k in data.taking):
+        raise LogError(
+            f"{data.logs[0].run.name}: no log that takes part has {', '.join(channels[:-1])} or "
+            f"{channels[-1]} that the model could be compared with; expected one of them at least "
+            "beside the velocity. Name the columns in a rig file under [columns]."
+        )
+
+
+def _searched(problem: RigProblem, on_progress: Callable[[str], None]) -> tuple[Fitted, Found]:
+    """What a search finds, with the scatter of its residual within slow ramps as noise."""
+    data, found = problem.data, search(problem, on_progress)
+    fitted = data.predict(found.best.nu, found.best.effects(problem.suspects))
+    calmed = data.with_ramps(data.measured - fitted)
+    if calmed is None:
+        return data, found
+    return calmed, search(msgspec.structs.replace(problem, data=calmed), on_progress, found.best)
 
 
 def _singles(found: Found, held_out: HeldOut) -> tuple[SingleEffect, ...]:
@@ -260,7 +263,10 @@ def _with_causes(
         else held_out.of(found, found.best)
     )
     on_progress("looking for alternative explanations")
-    fitted = with_stability(data, found, causes_of(data, found, result.undetermined))
+    causes, stability = causes_of(data, found, result.undetermined), stabilities(data, found)
+    fitted = tuple(
+        msgspec.structs.replace(cause, stability=stability[cause.effect]) for cause in causes
+    )
     on_progress("splitting the difference among the causes")
     predictions = {} if by_cycles(data, left_out) else closure.predictions
     contributions, changes, inputs = contributions_of(data, found, fitted, windows, predictions)
@@ -280,22 +286,14 @@ def _with_causes(
 
 
 def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelDiagnosis:
-    """The result with its verdict, what remains, where the gap lies, and what to test next.
-
-    Explained needs more than a residual without structure: numbers that agree between runs and are
-    plausible, no causes that cancel each other, no channel that a prediction makes worse, energies
-    and efficiencies within their uncertainty. Unexplained: less than half is closed. Partly
-    explained in between. What may imitate something else is a candidate.
-    """
+    """The result with its verdict, what remains, where the gap lies, and what to test next."""
     data, found, closure = result.data, result.found, result.closure
     signs = ringing(result.judged, *SIGNS)
     causes, minor = result.causes, {one.effect for one in result.minor}
     if not (causes or signs):
         return msgspec.structs.replace(result, closure=None)
     share = 0.0 if closure is None else closure.share
-    verdict: Verdict = (
-        "explained" if not signs else "unexplained" if share < HALF else "partly_explained"
-    )
+    verdict = verdict_of(signs, share)
     candidates: tuple[NamedCause, ...] = ()
     if verdict != "explained":
         causes, candidates = parted(causes, signs, share)
@@ -312,45 +310,13 @@ def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelD
         contributions=without(
             result.contributions, gone | minor, among="residual" if gone else "tolerances"
         ),
-        where=locate(
-            data, data.without_zeros(data.measured - result.predicted), result.places, stage, own
-        ),
+        where=locate(data, data.gap(result.predicted), result.places, stage, own),
         remainder=Remainder(
             share=1.0 if closure is None else max(1.0 - share, 0.0),
             alarms=signs,
             worst=shown[0].about if shown else None,
         ),
         experiment=plan_run(data, found, causes or candidates),
-    )
-
-
-def parted(
-    causes: Sequence[NamedCause], signs: Sequence[Alarm], share: float
-) -> tuple[tuple[NamedCause, ...], tuple[NamedCause, ...]]:
-    """Causes and candidates of a gap that is not explained: a name is a cause where little is left,
-    and candidate otherwise.
-
-    Parameters
-    ----------
-    share : of the gap that is closed [1]
-    """
-    little = share >= MOSTLY and all(
-        one.size <= MARGIN * one.limit for one in signs if one.kind != "range"
-    )
-    listed = [
-        msgspec.structs.replace(one, probability=min(one.probability, OPEN)) for one in causes
-    ]
-    undone = {
-        name
-        for one in signs
-        if one.kind == "cancelling" and isinstance(one.about, Spot)
-        for name in one.about.effects
-    }
-    steady = {
-        one.effect for one in listed if little and not (one.stability and one.stability.trends)
-    } - undone
-    return tuple(one for one in listed if one.effect in steady), tuple(
-        one for one in listed if one.effect not in steady
     )
 
 
@@ -379,47 +345,18 @@ def _hints(result: ModelDiagnosis) -> tuple[Minor, ...]:
     """
     data, suspects, found = result.data, result.suspects, result.found
     best, evidence = found.best, found.evidence
-    near = [
-        fit
+    gains = {
+        names: evidence.of(fit) - evidence.of(best)
         for names, fit in found.sets().items()
-        if len(names) == len(best.names) + 1 and set(best.names) < set(names)
-    ]
-    gains = {fit.names: evidence.of(fit) - evidence.of(best) for fit in near}
+        if len(names) == len(best.names) + 1 and set(names) > set(best.names)
+    }
     hints = []
-    for fit in sorted(
-        (fit for fit in near if gains[fit.names] > 0.0), key=lambda fit: -gains[fit.names]
-    )[:HINTS]:
-        name = next(n for n in fit.names if n not in best.names)
+    for names in sorted(gains, key=lambda names: -gains[names])[:HINTS]:
+        fit, (name,) = found.fits[names], set(names) - set(best.names)
+        if gains[names] <= 0.0:
+            break
         _, largest = largest_change(data, (), moved_by(data, suspects, fit)[name])
         if largest is not None:
             numbers = parameters_of(posterior_of(found, fit), suspects[name], name)
-            hints.append(Minor(name, suspects[name].stage, numbers, largest, hint=gains[fit.names]))
+            hints.append(Minor(name, suspects[name].stage, numbers, largest, hint=gains[names]))
     return tuple(hints)
-
-
-def withheld_numbers(
-    loads: Sequence[float], runs: Sequence[Run], marked: Sequence[bool]
-) -> list[int]:
-    """Numbers of the runs to withhold: those of the loads that are named, else those that the
-    campaign marks.
-
-    Raises
-    ------
-    OptionError : no run has such a load
-    """
-    if not loads:
-        return [k for k, mark in enumerate(marked) if mark]
-    found: list[int] = []
-    for load in loads:
-        own = [
-            k
-            for k, run in enumerate(runs)
-            if run.load is not None and math.isclose(run.load, load, rel_tol=1e-6)
-        ]
-        if not own:
-            there = ", ".join(f"{run.load:g}" for run in runs if run.load is not None)
-            raise OptionError(
-                f"--withhold {load:g}: no run of the campaign has this load; it has {there} ohm."
-            )
-        found += own
-    return sorted(set(found))

@@ -12,15 +12,11 @@ from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
-from winchcascade.core.campaign_file import check_held_out
-from winchcascade.core.errors import CampaignError, OptionError
+from winchcascade.core.errors import OptionError
 from winchcascade.core.viewed import Viewed
 from winchcascade.diagnosis.fit.entries import class_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from winchcascade.core.campaign_file import Cycles
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run
     from winchcascade.diagnosis.fit.nuisances import Nuisance
@@ -119,7 +115,7 @@ class Reported(msgspec.Struct, frozen=True):
 
     @property
     def determined(self) -> bool:
-        """Whether the data tell more of it than was known before."""
+        """Whether the data determine it better than it was known before."""
         return math.isfinite(self.low) and math.isfinite(self.high)
 
 
@@ -194,6 +190,11 @@ class NamedCause(msgspec.Struct, frozen=True):
     weight: float
     ablation: float = math.nan
     stability: Stability | None = None
+
+    @property
+    def trends(self) -> tuple[Trend, ...]:
+        """What differs between its numbers of the runs."""
+        return self.stability.trends if self.stability else ()
 
     @property
     def rivals(self) -> tuple[Alternative, ...]:
@@ -358,7 +359,9 @@ class GapClosure(msgspec.Struct, frozen=True):
 
 
 AlarmKind = Literal[
-    "structure", "scatter", "ripple", "nuisance", "drift", "range", "improbable", "cancelling", "worse", "energy", "residual"
+    "structure", "scatter", "ripple", "nuisance",
+    "drift", "range", "improbable", "cancelling", "worse",
+    "energy", "residual",
 ]  # fmt: skip
 """Kinds of signs of something unexplained, as `judge.alarms` has them."""
 
@@ -405,13 +408,13 @@ class Experiment(msgspec.Struct, frozen=True):
     repeats: str = ""
 
 
-# ---------------------------------------------------------------------------- your own simulation
+# -------------------------------------------------------------------- a simulation of the owner
 class ModelForm(msgspec.Struct, frozen=True):
-    """What the owner's own simulation has in another form than the rig's model: the effect or
+    """What a simulation of the owner has in another form than the model of the rig: the effect or
     simplification that is `likely`.
 
-    `bias` is simulation minus rig's model at the place where it shows most, all differences
-    together, `z` in its uncertainties.
+    `bias` is simulation minus model of the rig at the place where it is most significant, all
+    differences together, `z` in its uncertainties.
     """
 
     stage: str
@@ -424,7 +427,7 @@ class ModelForm(msgspec.Struct, frozen=True):
 
 
 class OwnSimulation(msgspec.Struct, frozen=True):
-    """The owner's own simulation beside the rig's model.
+    """A simulation of the owner beside the model of the rig.
 
     `runs` are the simulations on the stamps of the logs, `forms` what they have in another form,
     the largest first, with the `numbers` of each that is likely. `shared` are the causes of the
@@ -500,29 +503,4 @@ class DiagnosisResult(Viewed, frozen=True, kw_only=True):
                 for cause in listed
                 if cause.look_alikes
             },
-        )
-
-
-class Entries(msgspec.Struct, frozen=True):
-    """Runs of a campaign with its title; of each run the first and last cycle that count, None for
-    all, and the numbers of the runs that take part in neither choice nor fit.
-    """
-
-    runs: Sequence[Run]
-    cycles: Sequence[Cycles | None] | None = None
-    withheld: Sequence[int] = ()
-    title: str = ""
-
-    def check_withheld(self) -> None:
-        """Reject entries that are all withheld, or that withhold a log that takes part as
-        another run: CampaignError.
-        """
-        if len(self.runs) <= len(set(self.withheld)):
-            raise CampaignError(
-                "every run is withheld; a diagnosis needs at least one that takes part in the fit."
-            )
-        names = [run.name for run in self.runs]
-        logs = [run.sha256 and f"{run.sha256}\0{run.table or ''}" for run in self.runs]
-        check_held_out(
-            names, logs, self.cycles or [None] * len(names), self.withheld, self.title or "campaign"
         )

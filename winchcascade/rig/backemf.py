@@ -37,11 +37,11 @@ MIN_SAMPLES = 25
 class BackEmf(msgspec.Struct, frozen=True):
     """Back-EMF constant of an open circuit, line to line, rms [V/rpm], with its 95 % interval.
 
-    `u_fit` is the standard uncertainty of the fit, `u_sensor` that of the voltage sensor's gain
-    [V/rpm]; `lag` [s] is how late Vdc is recorded, with its standard uncertainty `u_lag`. `rpm`,
-    `v_ll` and `vdc`, (n,) each, are the samples that were fitted: generator speed, back-EMF that
-    follows from the DC side [V], and measured DC voltage [V]. `eq8` is the constant by Eq. 8 alone,
-    without bleed and commutation [V/rpm]; `rpm_min` where the fit begins [rpm].
+    `u_fit` is the standard uncertainty of the fit, `u_sensor` that of the gain of the voltage
+    sensor [V/rpm]; `lag` [s] is how late Vdc is recorded, with its standard uncertainty `u_lag`.
+    `rpm`, `v_ll` and `vdc`, (n,) each, are the samples that were fitted: generator speed, back-EMF
+    that follows from the DC side [V], and measured DC voltage [V]. `eq8` is the constant by Eq. 8
+    alone, without bleed and commutation [V/rpm]; `rpm_min` where the fit begins [rpm].
     """
 
     k_e: float
@@ -82,7 +82,7 @@ def back_emf(
 
     Parameters
     ----------
-    payouts : from the onset of each payout to the start of its braking, on the log's clock [s]
+    payouts : from the onset of each payout to the start of its braking, on the clock of the log [s]
     u_gain : relative standard uncertainty of the gain of the Vdc sensor [1]
 
     Raises

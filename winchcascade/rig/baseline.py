@@ -17,7 +17,14 @@ from winchcascade.core.rig_toml import DEFAULT_RIG, read_rig
 from winchcascade.core.scales import rated_current
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.effects.effect import ActiveEffect, Effect
-from winchcascade.rig.parts import IN_RIG, PARTS, Model, in_rig_file, with_part
+from winchcascade.rig.parts import (
+    IN_RIG,
+    PARTS,
+    Model,
+    in_rig_file,
+    model_of_numbers,
+    with_part,
+)
 
 
 def load_rig(rig: str | Path) -> Rig:
@@ -74,7 +81,9 @@ def model_of(rig: Rig) -> Model | NoModel:
             for name, in_rig in in_rig_file(section).items()
         }
         numbers[section] = {
-            name: number.value for name, number in stated.items() if number is not None
+            name: number.value / IN_RIG.get(f"{section}.{name}", 1.0)
+            for name, number in stated.items()
+            if number is not None
         }
         lacking = [
             name for name in needed(rig, section) if getattr(getattr(rig, section), name) is None
@@ -89,18 +98,16 @@ def model_of(rig: Rig) -> Model | NoModel:
             "model is driven in payout alone."
         )
     if rig.restoring.has_gas:
-        numbers["restoring"]["lead"] /= IN_RIG["restoring.lead"]
         numbers["restoring"]["pressure"] += ATMOSPHERE
-    if "mass" in numbers["restoring"]:
-        numbers["restoring"]["mass"] /= IN_RIG["restoring.mass"]
     if rig.drivetrain.direct:
         numbers["drivetrain"]["eta_mesh"] = 1.0
     numbers["generator"]["i_rated"] = rated_current(rig)
     if math.isfinite(rig.thresholds.v_onset):
         numbers["winch"]["stribeck_speed"] = NEAR_STANDSTILL * rig.thresholds.v_onset
-    model = Model(**{section: kind(**numbers[section]) for section, kind in PARTS.items()})
     model = with_part(
-        model, "winch", goes_slack=not (rig.restoring.has_gas or rig.winch.line_can_push)
+        model_of_numbers(numbers),
+        "winch",
+        goes_slack=not (rig.restoring.has_gas or rig.winch.line_can_push),
     )
     for effect in stated_effects(rig):
         model = effect.apply(model)

@@ -14,7 +14,15 @@ from winchcascade.core.rig_file import Rig
 from winchcascade.core.scales import MotionScale
 from winchcascade.rig import physics
 from winchcascade.rig.baseline import baseline
-from winchcascade.rig.parts import IN_RIG, PARTS, Model, in_rig_file, number_of, numbers_of
+from winchcascade.rig.parts import (
+    IN_RIG,
+    PARTS,
+    Model,
+    every_number,
+    in_rig_file,
+    number_of,
+    numbers_by_part,
+)
 from winchcascade.rig.steps import RESOLVED, STEP, rate_of_the_rotor, resolving
 
 SCRIPT = '''"""The class that pythonfmu looks for."""
@@ -69,13 +77,12 @@ def write_fmu(
     from winchcascade.rig.fmu_slave import RESOURCE
 
     numbers = {
-        f"{part}.{name}": (number.unit, number.what, u.get(f"{part}.{name}"))
-        for part in PARTS
-        for name, number in numbers_of(part).items()
-        if math.isfinite(number_of(model, f"{part}.{name}"))
+        path: (number.unit, number.what, u.get(path))
+        for path, number in every_number().items()
+        if math.isfinite(number_of(model, path))
     }
     stated = {
-        "model": {part: getattr(model, part)._asdict() for part in PARTS},
+        "model": numbers_by_part(model),
         "numbers": numbers,
         "description": about,
         "step": resolving(model, scale),

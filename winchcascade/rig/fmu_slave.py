@@ -9,7 +9,6 @@ import sys
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
@@ -17,7 +16,7 @@ import msgspec
 from pythonfmu import Fmi2Causality, Fmi2Initial, Fmi2Slave, Fmi2Variability, Real
 
 from winchcascade.rig.ledger import LEDGER
-from winchcascade.rig.parts import PARTS, Model, with_part
+from winchcascade.rig.parts import model_of_numbers, number_of, numbers_by_part, with_number
 from winchcascade.rig.stepped_rig import SteppedRig
 
 RESOURCE = "rig.json"
@@ -40,8 +39,30 @@ LOST = tuple(
 )
 """Losses that are outputs; that of the shaft spring is not known at an instant."""
 
+INPUTS = {
+    "line_velocity": ("m/s", "velocity of the line at the end of a step, payout positive"),
+    "load_resistance": ("ohm", "resistance of the load at the DC link"),
+    "dc_voltage": (
+        "V",
+        "voltage at which a bus holds the DC link in place of the load, 0 for none",
+    ),
+}
+"""Inputs: unit, what it is."""
 
-NO_OPTIONS: Mapping[str, str] = MappingProxyType({})
+SETTINGS = {
+    "payout": ("m", "displacement of the line at the start"),
+    "start_velocity": ("m/s", "velocity of the line at the start"),
+    "step": ("s", "step of the rig; a step of the simulation is a whole number of them"),
+    "rest_speed": ("m/s", "speed of the line within which friction changes its sign"),
+}
+"""Parameters beside the numbers of the rig: unit, what it is."""
+
+GIVEN = {
+    **{name: (unit, what) for name, (_, unit, what) in OUTPUTS.items()},
+    **{f"loss_{name}": ("W", LEDGER[name].words) for name in LOST},
+    "line_displacement": ("m", "displacement of the line"),
+}
+"""Everything that an FMU gives: unit, what it is."""
 
 
 class Stated(msgspec.Struct, frozen=True):
@@ -87,91 +108,31 @@ class RigSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         self._module = sys.modules.pop(type(self).__module__, None)
         stated = msgspec.json.decode((Path(self.resources) / RESOURCE).read_bytes(), type=Stated)
         self.description, self.numbers = stated.description, stated.numbers
-        parts = {
-            part: {
-                name: tuple(x) if isinstance(x, list) else x
-                for name, x in stated.model[part].items()
-            }
-            for part in PARTS
-        }
-        self.model = Model(**{part: kind(**parts[part]) for part, kind in PARTS.items()})
-        self.held = {
-            "line_velocity": 0.0,
+        self.model = model_of_numbers(stated.model)
+        self.held = dict.fromkeys(INPUTS | SETTINGS, 0.0)
+        self.held |= {
             "load_resistance": stated.load,
-            "dc_voltage": 0.0,
-            "payout": 0.0,
-            "start_velocity": 0.0,
+            "step": stated.step,
+            "rest_speed": stated.rest,
         }
-        self.held |= {"step": stated.step, "rest_speed": stated.rest}
-        self.found = dict.fromkeys(
-            [*OUTPUTS, *(f"loss_{name}" for name in LOST), "line_displacement"], 0.0
-        )
+        self.found = dict.fromkeys(GIVEN, 0.0)
         self.rig: SteppedRig | None = None
         self._declare()
 
     def _declare(self) -> None:
         """Declare inputs, outputs and parameters."""
-        known = [
-            (
-                "line_velocity",
-                "m/s",
-                "velocity of the line at the end of a step, payout positive",
-                Fmi2Causality.input,
-            ),
-            (
-                "load_resistance",
-                "ohm",
-                "resistance of the load at the DC link",
-                Fmi2Causality.input,
-            ),
-            (
-                "dc_voltage",
-                "V",
-                "voltage at which a bus holds the DC link in place of the load, 0 for none",
-                Fmi2Causality.input,
-            ),
-            ("payout", "m", "displacement of the line at the start", Fmi2Causality.parameter),
-            ("start_velocity", "m/s", "velocity of the line at the start", Fmi2Causality.parameter),
-            (
-                "step",
-                "s",
-                "step of the rig; a step of the simulation is a whole number of them",
-                Fmi2Causality.parameter,
-            ),
-            (
-                "rest_speed",
-                "m/s",
-                "speed of the line within which friction changes its sign",
-                Fmi2Causality.parameter,
-            ),
-        ]
-        for name, unit, what, causality in known:
-            self._register(
-                name,
-                unit,
-                what,
-                causality,
-                partial(self.held.get, name),
-                partial(self.held.__setitem__, name),
-            )
+        for name, about in (INPUTS | SETTINGS).items():
+            causality = Fmi2Causality.input if name in INPUTS else Fmi2Causality.parameter
+            access = partial(self.held.get, name), partial(self.held.__setitem__, name)
+            self._register(name, *about, causality, *access)
         for path, (unit, what, u) in self.numbers.items():
             text = what if u is None else f"{what}, u = {u:.3g} {unit}"
-            part, name = path.split(".")
-            number = partial(
-                lambda part, name: getattr(getattr(self.model, part), name), part, name
-            )
+            number = partial(lambda path: number_of(self.model, path), path)
             self._register(
-                path, unit, text, Fmi2Causality.parameter, number, partial(self._change, part, name)
+                path, unit, text, Fmi2Causality.parameter, number, partial(self._change, path)
             )
-        units = {name: (unit, what) for name, (_, unit, what) in OUTPUTS.items()} | {
-            f"loss_{name}": ("W", LEDGER[name].words) for name in LOST
-        }
-        for name, (unit, what) in (
-            units | {"line_displacement": ("m", "displacement of the line")}
-        ).items():
-            self._register(
-                name, unit, what, Fmi2Causality.output, partial(self.found.get, name), None
-            )
+        for name, about in GIVEN.items():
+            self._register(name, *about, Fmi2Causality.output, partial(self.found.get, name), None)
 
     def _register(
         self, name: str, unit: str, what: str, causality: Any, getter: Any, setter: Any
@@ -185,13 +146,13 @@ class RigSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         )
         self.register_variable(variable, nested=False)
 
-    def _change(self, part: str, name: str, value: float) -> None:
+    def _change(self, path: str, value: float) -> None:
         """Change a number of the model; it acts from the next initialization on."""
-        self.model = with_part(self.model, part, **{name: value})
+        self.model = with_number(self.model, path, value)
 
-    def to_xml(self, model_options: Mapping[str, str] = NO_OPTIONS) -> Element:
+    def to_xml(self, model_options: Mapping[str, str] | None = None) -> Element:
         """The description of the FMU, with the units of its variables."""
-        root: Element = super().to_xml(model_options)
+        root: Element = super().to_xml(model_options or {})
         units = Element("UnitDefinitions")
         for unit in sorted({variable.unit for variable in self.vars.values()} - {"1"}):
             SubElement(units, "Unit", name=unit)
@@ -203,8 +164,8 @@ class RigSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         self.rig = SteppedRig(self.model, self.held["step"], self.held["rest_speed"])
         self.rig.begin(self.held["start_velocity"], self.held["payout"])
 
-    def do_step(self, current_time: float, step_size: float) -> bool:  # noqa: ARG002  # FMI gives the time
-        """Step to the velocity of the line."""
+    def do_step(self, current_time: float, step_size: float) -> bool:  # noqa: ARG002
+        """Step to the velocity of the line; FMI gives the time, too."""
         rig, load = self.rig, self.held["load_resistance"]
         if rig is None:
             return False
@@ -220,19 +181,14 @@ class RigSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
     def _get_fmu_state(self) -> dict[str, Any]:
         """All that a later call goes back to."""
         kept = None if self.rig is None else self.rig.kept.tolist()
-        parts = {part: getattr(self.model, part)._asdict() for part in PARTS}
-        return {"held": dict(self.held), "found": dict(self.found), "kept": kept, "model": parts}
+        numbers = numbers_by_part(self.model)
+        return {"held": dict(self.held), "found": dict(self.found), "kept": kept, "model": numbers}
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
         """Go back to a state."""
         self.held.update(state["held"])
         self.found.update(state["found"])
-        for part, numbers in state["model"].items():
-            self.model = with_part(
-                self.model,
-                part,
-                **{name: tuple(x) if isinstance(x, list) else x for name, x in numbers.items()},
-            )
+        self.model = model_of_numbers(state["model"])
         if state["kept"] is not None:
             self.exit_initialization_mode()
             assert self.rig is not None

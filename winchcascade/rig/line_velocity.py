@@ -9,7 +9,7 @@ import math
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import GAUSS, median, white_noise
+from winchcascade.core.integrate import GAUSS, median, rms, white_noise
 from winchcascade.core.run import Mask, Run, Signal
 from winchcascade.core.smooth import evenly_stamped, local_quadratic, smoothing_weights
 
@@ -35,7 +35,7 @@ class LineVelocity(msgspec.Struct, frozen=True):
 
     `of_velocity` [1] and `of_displacement` [1/s] are the weights of 2 h + 1 neighbouring samples,
     `u_velocity` [m/s] and `u_displacement` [m] the white noise of these; without a precise
-    displacement its weights are 0. `most_noise` is the standard deviation of a sample where the
+    displacement its weights are 0. `max_noise` is the standard deviation of a sample where the
     displacement is of least use [m/s].
     """
 
@@ -103,7 +103,7 @@ def _with_displacement(run: Run, alone: LineVelocity) -> LineVelocity | None:
     noise, channels = (u_velocity, u_displacement), (velocity, displacement)
     a, b = weights = rate_weights(half, interval, *noise)
     both = np.convolve(velocity, a[::-1], "same") + np.convolve(displacement, b[::-1], "same")
-    difference = float(np.sqrt(np.mean((both - alone.value)[usable] ** 2)))
+    difference = rms((both - alone.value)[usable])
     if (
         not CONSISTENT[0]
         < difference / _noise_of(noise, (a - alone.of_velocity, b))

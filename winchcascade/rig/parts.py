@@ -236,6 +236,12 @@ ELECTRICAL = ("vdc", "idc")
 """Channels that `Sensors.electrical_lag` delays."""
 
 
+@cache
+def every_number() -> Mapping[str, Number]:
+    """Every number of all parts, by its path."""
+    return {f"{part}.{name}": number for part in PARTS for name, number in numbers_of(part).items()}
+
+
 class Sensors(msgspec.Struct, frozen=True):
     """Errors of the sensors by channel, absent by default: relative `gain`, `zero` in SI units, and
     the time by which Vdc and Idc are recorded late, `electrical_lag` [s].
@@ -293,6 +299,20 @@ class Model(msgspec.Struct, frozen=True):
     def physics(self) -> Model:
         """The rig with sensors that have no error: what a design is made with."""
         return msgspec.structs.replace(self, sensors=Sensors())
+
+
+def numbers_by_part(model: Model) -> dict[str, dict[str, Any]]:
+    """Numbers of a model as a file holds them."""
+    return {part: getattr(model, part)._asdict() for part in PARTS}
+
+
+def model_of_numbers(numbers: Mapping[str, Mapping[str, Any]]) -> Model:
+    """A model of its numbers by part; those of a row may come as a list."""
+    parts = {}
+    for part, kind in PARTS.items():
+        rows = {name: tuple(x) for name, x in numbers[part].items() if isinstance(x, list)}
+        parts[part] = kind(**{**numbers[part], **rows})
+    return Model(**parts)
 
 
 IN_RIG = {"restoring.lead": 2.0 * math.pi, "restoring.mass": KGF}
@@ -366,16 +386,20 @@ def with_part(model: Model, part: str, **numbers: object) -> Model:
     return msgspec.structs.replace(model, **{part: other})
 
 
+def with_number(model: Model, path: str, number: float) -> Model:
+    """A model of which one number, by its path, is another one."""
+    part, name, *channel = path.split(".")
+    value = {**getattr(getattr(model, part), name), channel[0]: number} if channel else number
+    return with_part(model, part, **{name: value})
+
+
 def changed(model: Model, path: str, operation: Operation, by: float) -> Model:
     """A model of which one number, by its path, is changed; changes of one kind may come in
     either order.
     """
     if not by:
         return model
-    number = _CHANGED[operation](number_of(model, path), by)
-    part, name, *channel = path.split(".")
-    value = {**getattr(getattr(model, part), name), channel[0]: number} if channel else number
-    return with_part(model, part, **{name: value})
+    return with_number(model, path, _CHANGED[operation](number_of(model, path), by))
 
 
 def differences(model: Model, other: Model) -> dict[str, float] | None:
@@ -412,12 +436,9 @@ def differences(model: Model, other: Model) -> dict[str, float] | None:
 @cache
 def limited() -> Mapping[str, Number]:
     """Numbers with a limit of what is physically possible, by their paths."""
-    every = {
-        f"{part}.{name}": number for part in PARTS for name, number in numbers_of(part).items()
-    }
     return {
         path: number
-        for path, number in every.items()
+        for path, number in every_number().items()
         if (number.least, number.most) != (-math.inf, math.inf)
     }
 
@@ -427,8 +448,7 @@ def possible(model: Model) -> Model:
     may together exceed a limit.
     """
     for path, number in limited().items():
-        part, _, name = path.partition(".")
-        value = getattr(getattr(model, part), name)
+        value = number_of(model, path)
         if not number.least <= value <= number.most:
-            model = with_part(model, part, **{name: min(max(value, number.least), number.most)})
+            model = with_number(model, path, min(max(value, number.least), number.most))
     return model

@@ -131,14 +131,14 @@ class Simulation(Viewed, frozen=True):
 
 
 def simulate(run: Run, model: Model | None = None, *, step: float | None = None) -> Simulation:
-    """Simulate the rig along the line motion of a log, at the log's load and stamps.
+    """Simulate the rig along the line motion of a log, at its load and stamps.
 
     Parameters
     ----------
     run : gives motion, load (unknown counts as an open circuit) and stamps; its other channels are
         not used
     model : the baseline of the rig that the run was read with if not given, without errors of its
-        sensors; of the paper's for a run that was not read
+        sensors; that of the rig of the paper for a run that was not read
     step : of the simulation [s]; by default one that resolves the motion and the rotor
 
     Raises
@@ -187,11 +187,11 @@ def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
     check_travel(run.name, model, float(np.min(motion.x)), float(np.max(motion.x)))
     out, sensors = solve(model, motion, load_of(run)), model.sensors
     now, late = (_between(motion, t, out) for t in (run.t, sensors.late("vdc", run.t)))
+    travelled = np.interp(run.t, motion.t, motion.x)
     channels = {
-        "displacement": np.interp(run.t, motion.t, motion.x),
+        "displacement": run.channels.get("displacement", travelled),
         "velocity": run.channels["velocity"],
     }
-    channels |= {name: run.channels[name] for name in ("displacement",) if name in run.channels}
     true = {name: (late if name in ELECTRICAL else now)[name] for name in read_by(model)}
     true["force"] = physics.tension(true["force"], model.winch)
     channels |= {name: sensors.read(name, x) for name, x in true.items()}

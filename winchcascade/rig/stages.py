@@ -6,7 +6,7 @@ downstream. A rig with only some of the stages is compared in these.
 """
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Mapping
 from typing import Literal, get_args
 
 import msgspec
@@ -102,9 +102,7 @@ def along(run: Run, motion: LineMotion, ramp: float, clutch: Signal) -> Along:
     return Along(motion, ramp, x, v, a, (carries == 1.0) & (v > MOVING * motion.rest))
 
 
-def outputs_along(
-    run: Run, model: Model, course: Along, only: Collection[str] = STAGES
-) -> tuple[StageOutput, ...]:
+def outputs_along(run: Run, model: Model, course: Along) -> tuple[StageOutput, ...]:
     """Compute the output of each stage of a rig from its own measured inputs, in order from the
     line to the load.
 
@@ -123,27 +121,23 @@ def outputs_along(
     Parameters
     ----------
     course : motion of the log, as `along` lays it onto the stamps
-    only : the stages that are computed
     """
-    electric = ("vdc",) if run.open_circuit else ("vdc", "idc")
     gas = ("pressure",) if model.restoring.has_gas else ()
+    of_line = ("velocity", "force", *gas)
+    of_shaft = ("velocity", "vdc") if run.open_circuit else ("velocity", "vdc", "idc")
     seen, resistance = _seen(run, model), load_of(run) * (1.0 + model.dc_link.load_change)
     drive = drive_along(run, model, course)
     laws: tuple[tuple[Stage, str, tuple[str, ...], Callable[[], Signal]], ...] = (
         ("restoring", "pressure", ("velocity",), lambda: _pressure(run, model, course.motion)),
-        (
-            "transmission", "torque", ("velocity", "force", *gas),
-            lambda: _torque_of_line(model, course, seen["force"], seen["pressure"] if gas else np.zeros(run.t.size)),
-        ),
-        ("gearbox", "torque", ("velocity", *electric), lambda: _torque_of_shaft(model, course, drive)),
-        ("generator", "vdc", ("velocity", *electric), lambda: _voltage(model, course, drive)),
+        ("transmission", "torque", of_line, lambda: _torque_of_line(model, course, seen)),
+        ("gearbox", "torque", of_shaft, lambda: _torque_of_shaft(model, course, drive)),
+        ("generator", "vdc", of_shaft, lambda: _voltage(model, course, drive)),
         ("load", "idc", ("vdc",), lambda: seen["vdc"] / resistance),
-    )  # fmt: skip
+    )
     return tuple(
         StageOutput(stage, channel, inputs, model.sensors.recorded(channel, run.t, law()))
         for stage, channel, inputs, law in laws
-        if stage in only
-        and set(inputs) <= set(run.channels)
+        if set(inputs) <= set(run.channels)
         and (stage != "load" or math.isfinite(resistance))
         and (stage != "restoring" or gas)
     )
@@ -189,7 +183,7 @@ def _pressure(run: Run, model: Model, motion: LineMotion) -> Signal:
     return np.interp(run.t, motion.t, line[:, LINE.index("pressure")])
 
 
-def _torque_of_line(model: Model, course: Along, force: Signal, pressure: Signal) -> Signal:
+def _torque_of_line(model: Model, course: Along, seen: Mapping[str, Signal]) -> Signal:
     """Torque of the PTO shaft that follows from the line tension, (n,) [N m]: the inverse of
     `kernel.run_line`.
 
@@ -197,6 +191,7 @@ def _torque_of_line(model: Model, course: Along, force: Signal, pressure: Signal
     """
     winch, gas, sign = model.winch, model.restoring, course.direction
     slow, omega = physics.near_rest(course.v, sign, winch), course.v / model.r_motion
+    pressure = seen["pressure"] if gas.has_gas else np.zeros_like(course.v)
     screw = physics.piston_torque(pressure, gas) + physics.seal_torque(sign, slow, gas)
     screw *= physics.both_ways(sign, 1.0 / gas.eta_forward, gas.eta_reverse)
     lost = physics.line_losses(omega, sign, slow, winch) + winch.inertia * course.a / model.r_motion
@@ -206,7 +201,7 @@ def _torque_of_line(model: Model, course: Along, force: Signal, pressure: Signal
         )
         lost += physics.pull_friction(sign, winch.r_drum, gas)
     torque = (
-        force / physics.line_over_drum(sign, winch) * physics.rope_radius(course.x, winch)
+        seen["force"] / physics.line_over_drum(sign, winch) * physics.rope_radius(course.x, winch)
         - screw
         - lost
     )

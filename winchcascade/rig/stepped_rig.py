@@ -21,7 +21,8 @@ from winchcascade.rig.state import Constants, GasState, ShaftState, constants, s
 
 KEPT = (
     "omega", "omega_before", "twist", "v_dc", "guess", "i_before", "heat", "log_volume",
-    "torque_half", "i_s_half", "em_half", "i_bridge_half", "x", "v", "x_before", "v_before", "steps",
+    "torque_half", "i_s_half", "em_half", "i_bridge_half",
+    "x", "v", "x_before", "v_before", "steps",
 )  # fmt: skip
 """Numbers that a rig is kept and gone back to by: states of shaft and gas, what was half-way in the
 last step, displacement of the line [m] and its velocity [m/s], now and a step before, and the

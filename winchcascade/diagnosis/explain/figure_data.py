@@ -56,10 +56,10 @@ def block_table(found: ModelDiagnosis) -> pd.DataFrame:
     import pandas as pd
 
     data, logged = found.data, found.data.measured
-    before = logged - data.without_zeros(logged - found.predicted)
+    before = logged - data.gap(found.predicted)
     after = np.full_like(logged, math.nan)
     if found.causes:
-        after = logged - data.without_zeros(logged - found.fitted_blocks)
+        after = logged - data.gap(found.fitted_blocks)
     if found.causes and found.closure is not None:
         after = np.where(
             np.isfinite(found.closure.residual[:, :1]), logged - found.closure.residual, after

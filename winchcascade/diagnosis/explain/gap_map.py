@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import white_noise
+from winchcascade.core.integrate import rms, white_noise
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.diagnosis_result import Place, Where
 from winchcascade.diagnosis.fit.block_means import PHASES, scatter_about_course
@@ -35,9 +35,6 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.fit.block_means import Blocks
     from winchcascade.diagnosis.fit.nuisances import Nuisance
     from winchcascade.rig.parts import Model
-
-ZERO_REACH = 3.0
-"""Bound of a zero, in its standard uncertainties; more is a gap."""
 
 STAGE_OF = {
     "pressure": "restoring",
@@ -83,7 +80,7 @@ def weigh(
     u_zero : standard uncertainty of the zeros, which all blocks share
     tolerances : (m, k) what one standard uncertainty of each number that is not exactly known moves
     """
-    bias, own = float(np.mean(residual)), float(np.sqrt(np.mean(noise**2)))
+    bias, own = float(np.mean(residual)), rms(noise)
     u_noise = math.hypot(own / math.sqrt(residual.size) * 1.5**0.5, u_zero)
     u_tolerance = float(np.sqrt(np.sum(np.mean(tolerances, axis=0) ** 2)))
     means = [float(np.mean(residual[cycle == c])) for c in np.unique(cycle)]
@@ -92,7 +89,7 @@ def weigh(
     return Place(
         blocks=residual.size,
         bias=bias,
-        rms=float(np.sqrt(np.mean(residual**2))),
+        rms=rms(residual),
         noise=own,
         u_noise=u_noise,
         u_repeat=u_repeat,
@@ -101,17 +98,17 @@ def weigh(
     )
 
 
-def compare(data: Fitted, predicted: Signal, tolerances: Signal) -> tuple[Place, ...]:
-    """Map a gap.
+def compare(data: Fitted, predicted: Signal) -> tuple[Place, ...]:
+    """Map a gap, with the tolerances of the model of the rig file.
 
     Parameters
     ----------
-    predicted : (M, 5) blocks of the model, without zeros
-    tolerances : (M, 5, k) what one standard uncertainty of each nuisance that is simulated moves
+    predicted : (M, 5) blocks of a model, without zeros
     """
-    residual, cycle = data.without_zeros(data.measured - predicted), data.blocks.cycle
-    u_zero = data.zeros(np.ones(len(data.nuisances)))
-    tolerances = np.concatenate((tolerances, data.discrepancies()), axis=2)
+    residual, cycle = data.gap(predicted), data.blocks.cycle
+    one = np.ones(len(data.nuisances))
+    u_zero = data.zeros(one)
+    tolerances = np.concatenate((data.tolerances(0.0 * one, []), data.discrepancies()), axis=2)
     return tuple(
         msgspec.structs.replace(
             weigh(

@@ -13,6 +13,7 @@ import numpy as np
 
 from winchcascade.core.cascade import BUILT_IN
 from winchcascade.core.errors import WinchcascadeError
+from winchcascade.core.integrate import rms
 from winchcascade.core.quantity import KGCM2
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Mask, Run, Signal
@@ -255,10 +256,7 @@ def _differences(found: SimulatedLog, payout: Mask) -> dict[str, ChannelDifferen
         for name, factor in COMPARED.items()
         if name in run and name not in left_out and payout.any()
     }
-    return {
-        name: ChannelDifference(float(np.mean(x)), float(np.sqrt(np.mean(x**2))))
-        for name, x in apart.items()
-    }
+    return {name: ChannelDifference(float(np.mean(x)), rms(x)) for name, x in apart.items()}
 
 
 def quantities(found: SimulatedLog, run: Run) -> dict[str, Signal]:

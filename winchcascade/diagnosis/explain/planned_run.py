@@ -61,7 +61,7 @@ def usual(data: Fitted) -> Usual | None:
     """The usual payout of a campaign; None where no log has one."""
     fastest: dict[float, float] = {}
     lengths, ramps = [], []
-    for log in [log for k, log in enumerate(data.logs) if k not in data.withheld]:
+    for log in [data.logs[k] for k in data.taking]:
         blocks, velocity = log.course.blocks, log.run.channels["velocity"]
         for cycle in np.unique(blocks.cycle[blocks.phase == PAYOUT]):
             own = np.flatnonzero((blocks.cycle == cycle) & (blocks.phase == PAYOUT))

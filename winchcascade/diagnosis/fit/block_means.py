@@ -65,6 +65,10 @@ class Blocks(msgspec.Struct, frozen=True):
         """Samples of each block."""
         return (self.stop - self.start).astype(np.float64)
 
+    def some(self, here: NDArray[np.bool_] | NDArray[np.intp]) -> Blocks:
+        """The blocks that are `here`."""
+        return Blocks(*(field[here] for field in msgspec.structs.astuple(self)))
+
     def mean(self, x: Signal) -> Signal:
         """Mean of a signal over each block, (m,) from (n,) in its unit."""
         total = np.concatenate(([0.0], np.cumsum(x)))

@@ -66,7 +66,11 @@ class Fit(msgspec.Struct, frozen=True):
 
     def effects(self, suspects: Suspects) -> list[ActiveEffect]:
         """The suspects with the values that were found."""
-        return [with_values(suspects[name], self.x[self.place[name]]) for name in self.names]
+        return [*self.acting(suspects).values()]
+
+    def acting(self, suspects: Suspects) -> dict[str, ActiveEffect]:
+        """The same by name."""
+        return {name: with_values(suspects[name], self.x[self.place[name]]) for name in self.names}
 
 
 class Evidence(msgspec.Struct, frozen=True):

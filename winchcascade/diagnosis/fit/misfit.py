@@ -129,12 +129,16 @@ class Fitted:
         self.local = self.whitener @ self._local_columns()
 
     @property
+    def taking(self) -> list[int]:
+        """Numbers of the logs that take part in a fit."""
+        return [k for k in range(len(self.logs)) if k not in self.withheld]
+
+    @property
     def extreme_loads(self) -> list[int]:
         """Numbers of a log of the smallest and one of the largest resistance, of those that take
         part in a fit; what neither of them shows, none between them does.
         """
-        taking = [k for k in range(len(self.logs)) if k not in self.withheld]
-        by_load = sorted(taking, key=lambda k: self.logs[k].load)
+        by_load = sorted(self.taking, key=lambda k: self.logs[k].load)
         return sorted({by_load[0], by_load[-1]})
 
     def with_ramps(self, residual: Signal) -> Fitted | None:
@@ -348,6 +352,15 @@ class Fitted:
                 for phase in range(len(PHASES)):
                     here = self.seen[rows, k] & (self.blocks.phase[rows] == phase)
                     yield log, k, phase, rows.start + np.flatnonzero(here)
+
+    @property
+    def stated(self) -> Signal:
+        """Blocks that the model of the rig file gives, (M, 5), without errors of sensors."""
+        return self.predict(np.zeros(len(self.nuisances)), [])
+
+    def gap(self, predicted: Signal) -> Signal:
+        """Measured minus predicted blocks, (M, 5), without the zeros of each log."""
+        return self.without_zeros(self.measured - predicted)
 
     def without_zeros(self, residual: Signal) -> Signal:
         """Residual blocks of every log, (M, 5), without the zeros of each log: weighted means, at

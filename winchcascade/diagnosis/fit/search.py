@@ -149,7 +149,7 @@ def expand(
     own = [k for name in names for k in range(free.absent.size)[place[name]]]
     fit, value = fit_set(problem, marginal, names, start, columns[:, own]), free.absent.copy()
     value[own] = fit.x
-    acting = dict(zip(names, fit.effects(suspects), strict=True))
+    acting = fit.acting(suspects)
     without = [[one for other, one in acting.items() if other != name] for name in names]
     removed = np.zeros((fit.r.size, 0))
     if names:
@@ -203,8 +203,7 @@ class Centre(msgspec.Struct, frozen=True):
 
 
 class Found(msgspec.Struct, frozen=True):
-    """What a search found: the best fit, that without any cause, the newest fit of each set, and
-    the expansion about the best.
+    """What a search found: the best fit, the newest fit of each set, and the expansion about the best.
 
     `centres` are all fits that were expanded about, by their sets. No set of `rejected`, and none
     with one of the `imitators`, is the best, whatever its evidence. `tried` are sets with the best
@@ -212,7 +211,6 @@ class Found(msgspec.Struct, frozen=True):
     """
 
     best: Fit
-    null: Fit
     fits: dict[Names, Fit]
     expansion: Expansion
     marginal: Marginal
@@ -259,6 +257,10 @@ class Found(msgspec.Struct, frozen=True):
             if known is None or _is_more(self.evidence, made, known):
                 self.fits[ordered] = made
         return self.fits[ordered]
+
+    def without(self, name: str) -> Fit:
+        """The fit of the best set without one cause."""
+        return self.fit(tuple(n for n in self.best.names if n != name))
 
     def _foresees_more(self, known: Fit) -> bool:
         """Whether the expansion about the best foresees clearly more of a set than its fit has."""
@@ -337,9 +339,7 @@ def search(
     if np.max(np.abs(given.nu), initial=0.0) > NEAR_ZERO:
         marginal = marginal_about(problem, [], given.nu)
     null, expansion = expand(problem, marginal, (), {}, 1.0)
-    found = Found(
-        null, null, {(): null}, expansion, marginal, {(): Centre(null, expansion, marginal)}
-    )
+    found = Found(null, {(): null}, expansion, marginal, {(): Centre(null, expansion, marginal)})
     _go(
         found,
         found.about(start) if start is not None and start.names else found.centres[()],

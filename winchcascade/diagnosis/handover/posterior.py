@@ -289,7 +289,7 @@ def tested_by(found: ModelDiagnosis) -> Tested | None:
     data, seen = found.data, usual(found.data)
     if seen is None:
         return None
-    logs = [log for k, log in enumerate(data.logs) if k not in data.withheld]
+    logs = [data.logs[k] for k in data.taking]
     reached = [np.zeros((1, 2))]
     for log in logs:
         payout = log.course.blocks.phase == PAYOUT

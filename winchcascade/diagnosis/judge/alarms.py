@@ -28,6 +28,7 @@ from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.suspects import Suspects
 from winchcascade.diagnosis.judge.closure import ModelClosure
+from winchcascade.diagnosis.judge.relevance import moved_by, share_of_plateau
 from winchcascade.diagnosis.judge.residuals import block_rms, scatter, unsteadiness
 from winchcascade.diagnosis.verdict_limits import (
     CANCELLED,
@@ -47,7 +48,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
     from winchcascade.core.rig_file import ModelAccuracy
-    from winchcascade.core.run import Signal
 
 
 class Judged(msgspec.Struct, frozen=True):
@@ -162,7 +162,7 @@ OF_THE_RESIDUAL = (
 def drifts(causes: Iterable[NamedCause]) -> Iterator[Alarm]:
     """Chance of a number that differs between runs: not this effect, or not it alone."""
     for cause in causes:
-        for trend in cause.stability.trends if cause.stability else ():
+        for trend in cause.trends:
             size = -math.log10(max(trend.chance, 1e-300))
             yield Alarm("drift", Spot(effects=(cause.effect,)), size, -math.log10(CHANCE))
 
@@ -182,14 +182,6 @@ def improbable(causes: Iterable[NamedCause]) -> Iterator[Alarm]:
         )
 
 
-def moved_by(data: Fitted, suspects: Suspects, fit: Fit) -> dict[str, Signal]:
-    """What each cause of a fit moves in the prediction beside the others, (M, 5) each, SI units."""
-    acting = dict(zip(fit.names, fit.effects(suspects), strict=True))
-    whole = data.predict(fit.nu, [*acting.values()])
-    others = {name: [one for other, one in acting.items() if other != name] for name in acting}
-    return {name: whole - data.predict(fit.nu, left) for name, left in others.items()}
-
-
 def cancelling(judged: Judged) -> Iterator[Alarm]:
     """Pairs of causes in a channel over all logs: where they cancel each other, one of them may
     only undo the other.
@@ -198,25 +190,14 @@ def cancelling(judged: Judged) -> Iterator[Alarm]:
     if len(judged.fit.names) < 2:
         return
     moved = moved_by(data, judged.suspects, judged.fit)
-    level = np.concatenate([log.courses[:, :, 0] for log in data.logs])
+    shares = {name: share_of_plateau(data, x) for name, x in moved.items()}
     for one, other in combinations(moved, 2):
-        for k, channel in enumerate(CHANNELS):
-            here = data.seen[:, k] & (level[:, k] > 0.0)
-            if not here.any():
-                continue
-            a, b = (moved[name][here, k] / level[here, k] for name in (one, other))
-            smaller, both = min(_rms(a), _rms(b)), _rms(a + b)
-            if smaller > CANCELLED_SHARE:
-                yield Alarm(
-                    "cancelling",
-                    Spot(channel, effects=(one, other)),
-                    smaller / max(both, DUST),
-                    1.0 / CANCELLED,
-                )
-
-
-def _rms(x: Signal) -> float:
-    return float(np.sqrt(np.mean(x**2)))
+        smaller = np.minimum(shares[one], shares[other]).tolist()
+        both = share_of_plateau(data, moved[one] + moved[other]).tolist()
+        for channel, each, together in zip(CHANNELS, smaller, both, strict=True):
+            if each > CANCELLED_SHARE:
+                spot, size = Spot(channel, effects=(one, other)), each / max(together, DUST)
+                yield Alarm("cancelling", spot, size, 1.0 / CANCELLED)
 
 
 def made_worse(judged: Judged) -> Iterator[Alarm]:

@@ -15,13 +15,7 @@ from winchcascade.diagnosis.diagnosis_result import Alternative, NamedCause, Nam
 from winchcascade.diagnosis.fit.block_means import PHASES
 from winchcascade.diagnosis.fit.covariance import covariance_of
 from winchcascade.diagnosis.fit.entries import is_entry, same_in_logs
-from winchcascade.diagnosis.fit.evidence import (
-    Evidence,
-    Fit,
-    inside_of,
-    prior_beyond_range,
-    usual_gain,
-)
+from winchcascade.diagnosis.fit.evidence import Fit, inside_of, prior_beyond_range, usual_gain
 from winchcascade.diagnosis.fit.marginal import are_together, weights
 from winchcascade.diagnosis.fit.nuisances import quantity_of
 from winchcascade.diagnosis.fit.predict import CHANNELS
@@ -33,7 +27,7 @@ from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.parts import IN_RIG, number_of, path_in_rig
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Signal
@@ -41,13 +35,13 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.fit.undetermined import Direction
     from winchcascade.rig.effects.effect import Effect
 
-ALIKE = 0.3
+SAME_FIT = 0.3
 """Two explanations that differ by less are the same: fits end within it. [sigma]"""
 
 ENTRIES = "entry"
 """Stage of wrong entries."""
 
-TRIED = 4
+ALTERNATIVES_REFITTED = 4
 """Maximum number of alternatives of each cause that are refitted, nearest first by the closed
 form.
 """
@@ -60,8 +54,8 @@ ONE_SIDED = 1.645
 
 
 OPEN_SHARE = 1.0 / (1.0 + 0.25)
-"""Share of the variance of its prior above which a number is not determined: the data tell of it
-less than a quarter of what was known before. [1]"""
+"""Share of the variance of its prior above which a number is not determined: the data add less
+than a quarter to what was known before. [1]"""
 
 
 class LookAlike(NamedTuple):
@@ -82,17 +76,17 @@ def causes_of(
     law must not hide them.
     """
     best, suspects, swapped = found.best, found.problem.suspects, look_alikes_of(found)
-    without = {name: _without(found, name) for name in best.names}
-    odds = {name: _odds(swapped[name]) + _unseen(data, name) for name in best.names}
-    chance, posterior = probabilities(found.sets(), found.evidence), posterior_of(found, best)
+    without = {name: found.without(name) for name in best.names}
+    odds = {
+        name: 1.0 + sum(map(_weight, swapped[name])) + _unseen(data, name) for name in best.names
+    }
+    chance, posterior = chances_of(found), posterior_of(found, best)
     product_of = partial(_product, data, directions, posterior)
     causes = [
         NamedCause(
             effect=name,
             stage=suspects[name].stage,
-            probability=min(
-                sum(p for names, p in chance.items() if name in names), 1.0 / odds[name]
-            ),
+            probability=min(chance_with(chance, name), 1.0 / odds[name]),
             parameters=parameters_of(posterior, suspects[name], name)
             | product_of(suspects[name], name),
             look_alikes=tuple(
@@ -109,22 +103,12 @@ def causes_of(
 
 def look_alikes_of(found: Found) -> dict[str, list[LookAlike]]:
     """Look-alikes of each cause of the best set, best first; fits that they need are kept."""
-    return {name: _look_alikes(found, name, _without(found, name)) for name in found.best.names}
-
-
-def _without(found: Found, name: str) -> Fit:
-    """The fit of the best set without one cause."""
-    return found.fit(tuple(n for n in found.best.names if n != name))
+    return {name: _look_alikes(found, name, found.without(name)) for name in found.best.names}
 
 
 def _weight(one: LookAlike) -> float:
     """Posterior odds of a look-alike over the cause, which it does not exceed. [1]"""
     return math.exp(-max(one.short, 0.0))
-
-
-def _odds(look_alikes: Sequence[LookAlike]) -> float:
-    """Posterior odds of a cause and all its look-alikes over the cause. [1]"""
-    return 1.0 + sum(map(_weight, look_alikes))
 
 
 def _unseen(data: Fitted, name: str) -> float:
@@ -137,11 +121,21 @@ def _unseen(data: Fitted, name: str) -> float:
     return math.exp(-AS_GOOD) * sum(same_in_logs(name, other) for other in over_runs)
 
 
-def probabilities(fits: dict[Names, Fit], evidence: Evidence) -> dict[Names, float]:
+def chances_of(found: Found) -> dict[Names, float]:
     """Posterior probability of each set among those that were fitted."""
-    each = np.array([evidence.of(fit) for fit in fits.values()])
+    return probabilities({names: found.evidence.of(fit) for names, fit in found.sets().items()})
+
+
+def probabilities(evidence: Mapping[Names, float]) -> dict[Names, float]:
+    """Posterior probability of each of some sets, by the logarithm of its evidence. [1]"""
+    each = np.array([*evidence.values()])
     odds = np.exp(np.maximum(each - each.max(), -700.0))
-    return dict(zip(fits, (odds / odds.sum()).tolist(), strict=True))
+    return dict(zip(evidence, (odds / odds.sum()).tolist(), strict=True))
+
+
+def chance_with(probability: Mapping[Names, float], name: str) -> float:
+    """Probability of all sets that contain a suspect. [1]"""
+    return sum(p for names, p in probability.items() if name in names)
 
 
 # ----------------------------------------------------------------------------- numbers of a cause
@@ -227,8 +221,8 @@ def _interval(
 ) -> Reported:
     """A number that follows from the fields of a cause, with its 95 % interval.
 
-    The interval is infinite where the data tell little of the number, and one-sided where one field
-    at a bound gives it.
+    The interval is infinite where the data do not determine the number, and one-sided where one
+    field at a bound gives it.
 
     Parameters
     ----------
@@ -296,55 +290,60 @@ def _look_alikes(found: Found, name: str, without: Fit) -> list[LookAlike]:
     lies beyond its range is an alternative too: the range says what is plausible, and the logs do
     not contradict it.
     """
-    best, evidence, suspects, linear = (
-        found.best,
-        found.evidence,
-        found.problem.suspects,
-        found.expansion,
-    )
-    others = [other for other in suspects if other not in best.names]
+    best, problem, expansion = found.best, found.problem, found.expansion
+    others = [other for other in problem.suspects if other not in best.names]
     same = [other for other in others if same_in_logs(name, other)]
-    entries = [other for other in others if is_entry(name) or is_entry(other)]
-    together = [other for other in others if are_together(found.problem.exclusive, name, other)]
-
-    def foreseen(other: str) -> float:
-        swapped = swap(best.names, name, other)
-        lost = linear.rated(best.names) - linear.rated(swapped)
-        return (
-            lost - found.problem.price(other) + found.problem.price(name)
-            if other in entries
-            else lost
+    together = [other for other in others if are_together(problem.exclusive, name, other)]
+    foreseen: dict[str, float] = {}
+    for other in (other for other in others if other not in same):
+        foreseen[other] = expansion.rated(best.names) - expansion.rated(
+            swap(best.names, name, other)
         )
-
-    short = {other: foreseen(other) for other in others if other not in same}
-    near = sorted(
-        (other for other in short if short[other] < 4.0 * AS_GOOD), key=lambda other: short[other]
-    )[:TRIED]
+        if is_entry(name) or is_entry(other):
+            foreseen[other] += problem.price(name) - problem.price(other)
+    near = [other for other in foreseen if foreseen[other] < 4.0 * AS_GOOD]
+    near = sorted(near, key=lambda other: foreseen[other])[:ALTERNATIVES_REFITTED]
     alike = []
     for other in dict.fromkeys((*near, *same, *together)):
-        fit = found.fit(
-            swap(best.names, name, other), _start(found, name, other) if other in same else None
-        )
-        lost, by_evidence = fit.loss - best.loss, evidence.of(best) - evidence.of(fit)
-        if other in entries:
-            usual = usual_gain(suspects, fit.names, fit.x, fit.free, fit.curve / found.scale)
-            odd = -min(usual, 0.0) if suspects[other].fields[0].usual_share == 1.0 else 0.0
-            by_evidence = lost / found.scale - min(usual, 0.0)
-            by_evidence = min(by_evidence, AS_GOOD + odd) if other in together else by_evidence
+        start = _start(found, name, other) if other in same else None
+        fit = found.fit(swap(best.names, name, other), start)
+        if is_entry(name) or is_entry(other):
+            short = _short_by_fit(found, fit, other, other in together)
         else:
-            nearly = UNCONFUSED * (without.loss - best.loss) + AS_GOOD * found.scale
-            held_back = by_evidence - prior_beyond_range(fit) <= AS_GOOD
-            if held_back or (other in same and lost < nearly):
-                by_evidence = min(by_evidence, AS_GOOD)
-        alike.append(LookAlike(fit, by_evidence))
-    several = [
-        fit
-        for fit in found.sets().values()
-        if len(fit.names) == len(best.names) and name not in fit.names
+            short = _short_by_evidence(found, fit, without, other in same)
+        alike.append(LookAlike(fit, short))
+    alike += [
+        LookAlike(fit, found.evidence.of(best) - found.evidence.of(fit))
+        for names, fit in found.sets().items()
+        if len(names) == len(best.names)
+        and name not in names
+        and len(set(names) - set(best.names)) > 1
     ]
-    several = [fit for fit in several if len(set(fit.names) - set(best.names)) > 1]
-    alike += [LookAlike(fit, evidence.of(best) - evidence.of(fit)) for fit in several]
     return sorted((one for one in alike if one.short <= AS_GOOD), key=lambda one: one.short)
+
+
+def _short_by_fit(found: Found, fit: Fit, other: str, is_together: bool) -> float:
+    """By how much a set with another suspect in place of a cause fits worse, of which one is a
+    wrong entry. [nats]
+    """
+    suspects = found.problem.suspects
+    usual = usual_gain(suspects, fit.names, fit.x, fit.free, fit.curve / found.scale)
+    unusual = -min(usual, 0.0)
+    short = (fit.loss - found.best.loss) / found.scale + unusual
+    if not is_together:
+        return short
+    return min(short, AS_GOOD + unusual * (suspects[other].fields[0].usual_share == 1.0))
+
+
+def _short_by_evidence(found: Found, fit: Fit, without: Fit, is_same: bool) -> float:
+    """By how much evidence a set with another suspect in place of a cause falls short. [nats]"""
+    best = found.best
+    short = found.evidence.of(best) - found.evidence.of(fit)
+    nearly = UNCONFUSED * (without.loss - best.loss) + AS_GOOD * found.scale
+    held_back = short - prior_beyond_range(fit) <= AS_GOOD
+    if held_back or (is_same and fit.loss - best.loss < nearly):
+        return min(short, AS_GOOD)
+    return short
 
 
 def _start(found: Found, name: str, other: str) -> dict[str, Signal]:
@@ -358,12 +357,7 @@ def _start(found: Found, name: str, other: str) -> dict[str, Signal]:
         suspects[other].fields
     ):
         return {}
-    kept = [
-        one
-        for one, of in zip(found.best.effects(suspects), found.best.names, strict=True)
-        if of != name
-    ]
-
+    kept = [one for of, one in found.best.acting(suspects).items() if of != name]
     changes = share, 1.0 / (1.0 + share) - 1.0
     z = found.problem.residuals(
         [[*kept, with_values(suspects[other], change)] for change in changes], found.marginal.place
@@ -396,7 +390,7 @@ def _named(data: Fitted, found: Found, other: Fit, name: str, probability: float
         size = float(np.sqrt(np.sum(difference[here, k] ** 2)))
         if size > (clearest.z if clearest else 0.0):
             clearest = Spot(CHANNELS[k], PHASES[phase], data.logs[log].load, z=size)
-    seen = clearest if clearest and clearest.z > ALIKE else None
+    seen = clearest if clearest and clearest.z > SAME_FIT else None
     return Alternative(effect, probability, seen, number)
 
 

@@ -1,6 +1,4 @@
-"""How far a gap shrinks on held-out logs, and whether the residual of the fit is more than
-noise, and where.
-"""
+"""How far a gap shrinks on held-out logs, with the interval by other choices of their cycles."""
 
 from __future__ import annotations
 
@@ -18,10 +16,7 @@ from winchcascade.diagnosis.fit.misfit import LOCAL, Fitted, log_of
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.search import Found
 from winchcascade.diagnosis.fit.suspects import places_of
-from winchcascade.diagnosis.verdict_limits import (
-    MIN_EXCESS,
-    REACH,
-)
+from winchcascade.diagnosis.verdict_limits import MIN_EXCESS, REACH
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,16 +38,26 @@ class ModelClosure(GapClosure, frozen=True):
 
     `residual` (M, 5) are measured minus predicted blocks after, zeros taken off, NaN for logs that
     were not withheld. `predictions` are, by number of the `withheld` log, the fits without it.
+    `draws` (draws,) are shares with other choices of the cycles of these logs, alike for all
+    closures of them.
     """
 
     withheld: tuple[int, ...]
     residual: Signal
     predictions: dict[int, Fit]
+    draws: Signal
+
+    def closes_more_than(self, other: ModelClosure) -> bool:
+        """Whether it closes more of the gap on the same held-out logs than another, beyond what
+        another choice of cycles changes with a probability of 95 %.
+        """
+        more = self.share > other.share
+        return more and bool(np.quantile(self.draws - other.draws, 0.025) > 0.0)
 
 
 def close(data: Fitted, found: Found, fit: Fit, withheld: Sequence[int], seed: int) -> ModelClosure:
     """Predict each withheld log from a fit without the logs of its load, or its cycles in turn
-    where `left_out` says so.
+    as `predicted_together` gives them.
 
     Each such fit is one step of Gauss and Newton away from the fit to all logs. What the other logs
     do not determine, as a roll-off at currents that they do not reach, stays as it was found.
@@ -60,34 +65,29 @@ def close(data: Fitted, found: Found, fit: Fit, withheld: Sequence[int], seed: i
     Parameters
     ----------
     fit : has the causes; where it already lacks the withheld logs it serves as it is
-    withheld : numbers of logs; of those that take part in the fit the logs of each load are left
+    withheld : numbers of logs; of those that take part in the fit the logs of each load are held
         out in turn
     """
     suspects, predictions = found.problem.suspects, dict[int, Fit]()
     best = fit if fit is found.best else located(found.problem, found.marginal, fit.names, fit.x)
     after = np.full_like(data.measured, math.nan)
-    for held in left_out(data, withheld):
-        here = sorted(
-            {int(k) for k in np.searchsorted([rows.stop for rows in data.rows], held, side="right")}
-        )
+    for here, held in predicted_together(data, withheld):
         fit = best
         known: list[ActiveEffect] = []
         if not data.withheld.issuperset(here):
             rows = np.ones_like(data.measured)
             rows[held] = 0.0
-            acting = dict(zip(best.names, best.effects(suspects), strict=True))
+            acting = best.acting(suspects)
             # a wrong entry of a log shows in this log alone
             known = [one for one in acting.values() if log_of(one) in here]
             names = tuple(name for name, one in acting.items() if one not in known)
             fit = _without(found, best, names, rows.ravel())
         predicted = data.predict(_of_the_rig(data, fit), [*fit.effects(suspects), *known], here)
-        own = np.concatenate([np.arange(data.rows[k].start, data.rows[k].stop) for k in here])
-        counted = np.isin(own, held)
-        after[held] = data.measured[held] - predicted[counted]
+        after[held] = data.measured[held] - predicted[np.isin(_blocks_of(data, here), held)]
         predictions |= dict.fromkeys(here, fit)
     seen = np.isfinite(after)
     after = np.where(seen, data.without_zeros(np.where(seen, after, 0.0)), math.nan)
-    return closure_between(data, _before(data), after, predictions, seed)
+    return closure_between(data, data.gap(data.stated), after, predictions, seed)
 
 
 def _without(found: Found, fit: Fit, names: Names, rows: Signal) -> Fit:
@@ -109,7 +109,7 @@ def _without(found: Found, fit: Fit, names: Names, rows: Signal) -> Fit:
 
 
 class HeldOut:
-    """Closures of sets on the logs that take part in a diagnosis, left out in turn; each is found
+    """Closures of sets on the logs that take part in a diagnosis, held out in turn; each is found
     once.
 
     Parameters
@@ -130,37 +130,20 @@ class HeldOut:
 
 
 def judging(data: Fitted) -> list[int]:
-    """Numbers of the logs that are left out in turn, of those that take part in a fit: all with
+    """Numbers of the logs that are held out in turn, of those that take part in a fit: all with
     a load, or all without any.
     """
-    taking = [k for k in range(len(data.logs)) if k not in data.withheld]
-    return [k for k in taking if math.isfinite(data.logs[k].load)] or taking
-
-
-def closes_more(data: Fitted, one: ModelClosure, other: ModelClosure, seed: int) -> bool:
-    """Whether a set closes more of the gap on the same held-out logs than another, beyond what
-    another choice of cycles changes with a probability of 95 %.
-    """
-    if one.share <= other.share:
-        return False
-    return bool(np.quantile(_draws(data, one, seed) - _draws(data, other, seed), 0.025) > 0.0)
-
-
-def _before(data: Fitted) -> Signal:
-    """Measured minus predicted blocks of the model of the rig file, zeros taken off, (M, 5)."""
-    return data.without_zeros(data.measured - data.predict(np.zeros(len(data.nuisances)), []))
+    return [k for k in data.taking if math.isfinite(data.logs[k].load)] or data.taking
 
 
 def share_closed(data: Fitted, suspects: Suspects, fit: Fit) -> float:
     """Share of the explainable gap that causes close on the logs of their own fit, numbers of
     the rig within `REACH`. [1]
     """
-    given = data.predict(np.zeros(len(data.nuisances)), [])
     fitted = data.predict(_of_the_rig(data, fit), fit.effects(suspects))
-    before, after = (data.without_zeros(data.measured - predicted) for predicted in (given, fitted))
-    return _share(
-        _squares(data, before, after, [k for k in range(len(data.logs)) if k not in data.withheld])
-    )
+    squares = _squares(data, data.gap(data.stated), data.gap(fitted))
+    by_log = _sums(squares, [data.rows[k] for k in data.taking])
+    return float(_share_of(_excess(by_log).sum(axis=1)))
 
 
 def _of_the_rig(data: Fitted, fit: Fit) -> Signal:
@@ -170,44 +153,45 @@ def _of_the_rig(data: Fitted, fit: Fit) -> Signal:
     return np.where([n.kind in LOCAL for n in data.nuisances], 0.0, np.clip(fit.nu, -REACH, REACH))
 
 
-PARTS = 3
-"""Number of parts in which the cycles of the only load are left out."""
+CYCLE_PARTS = 3
+"""Number of parts in which the cycles of the only load are held out."""
 
 
-def left_out(data: Fitted, withheld: Sequence[int]) -> list[NDArray[np.intp]]:
+def predicted_together(
+    data: Fitted, withheld: Sequence[int]
+) -> list[tuple[list[int], NDArray[np.intp]]]:
     """Blocks that are predicted together from a fit to the others, by their numbers, in increasing
-    order.
+    order, and the logs that they are of.
 
     These are those of all logs of a load. Where no other run with a load would remain, as in a
     campaign of one load and an open circuit, an open circuit cannot determine what the load makes
-    visible: then its cycles are left out in turn.
+    visible: then its cycles are held out in turn.
     """
-    loads = dict.fromkeys(data.logs[k].load for k in withheld)
-    loaded = {
-        log.load
-        for k, log in enumerate(data.logs)
-        if k not in data.withheld and math.isfinite(log.load)
-    }
+    loaded = {data.logs[k].load for k in data.taking if math.isfinite(data.logs[k].load)}
     found = []
-    for load in loads:
-        here = [k for k in withheld if data.logs[k].load == load]
-        rows = np.concatenate([np.arange(data.rows[k].start, data.rows[k].stop) for k in here])
-        cycles = np.unique(data.blocks.cycle[rows])
+    for load in dict.fromkeys(data.logs[k].load for k in withheld):
+        here = sorted(k for k in withheld if data.logs[k].load == load)
+        blocks = _blocks_of(data, here)
+        cycles = np.unique(data.blocks.cycle[blocks])
         if data.withheld.issuperset(here) or loaded - {load} or cycles.size < 2:
-            found.append(rows)
+            found.append((here, blocks))
             continue
-        part = (
-            np.searchsorted(cycles, data.blocks.cycle[rows])
-            * min(PARTS, cycles.size)
-            // cycles.size
-        )
-        found += [rows[part == number] for number in range(min(PARTS, cycles.size))]
+        parts = min(CYCLE_PARTS, cycles.size)
+        part = np.searchsorted(cycles, data.blocks.cycle[blocks]) * parts // cycles.size
+        log = np.repeat(np.arange(len(data.sizes)), data.sizes)
+        several = [blocks[part == number] for number in range(parts)]
+        found += [(np.unique(log[held]).tolist(), held) for held in several]
     return found
 
 
+def _blocks_of(data: Fitted, logs: Sequence[int]) -> NDArray[np.intp]:
+    """Numbers of the blocks of some logs."""
+    return np.concatenate([np.arange(data.rows[k].start, data.rows[k].stop) for k in logs])
+
+
 def by_cycles(data: Fitted, withheld: Sequence[int]) -> bool:
-    """Whether the only load of a campaign is judged on its cycles, left out in turn."""
-    return len(left_out(data, withheld)) > len({data.logs[k].load for k in withheld})
+    """Whether the only load of a campaign is judged on its cycles, held out in turn."""
+    return len(predicted_together(data, withheld)) > len({data.logs[k].load for k in withheld})
 
 
 def closure_between(
@@ -222,12 +206,11 @@ def closure_between(
         that were not withheld
     predictions : fits by number of the withheld log
     """
-    withheld = sorted(predictions)
-    by_log = _squares(data, before, after, withheld)
-    share, draws = (
-        _share(by_log),
-        _resampled(data, _each_squared(data, before, after), withheld, seed),
-    )
+    withheld, squares = sorted(predictions), _squares(data, before, after)
+    by_log = _sums(squares, [data.rows[k] for k in withheld])
+    share = float(_share_of(_excess(by_log).sum(axis=1)))
+    by_cycle = [_sums(squares, _cycles(data, data.rows[k])) for k in withheld]
+    draws = _resampled([_excess(cells) for cells in by_cycle], seed)
     low, high = np.clip(np.quantile(draws, (0.025, 0.975)), -1.0, 1.0).tolist()
     total = by_log.sum(axis=0)
     return ModelClosure(
@@ -242,40 +225,34 @@ def closure_between(
         high=max(high, share),
         residual=after,
         predictions=predictions,
+        draws=draws,
     )
 
 
-def _draws(data: Fitted, closure: ModelClosure, seed: int) -> Signal:
-    """Share that a closure would have with other choices of the cycles of its logs, alike for
-    all closures of these logs.
-    """
-    return _resampled(
-        data, _each_squared(data, _before(data), closure.residual), closure.withheld, seed
-    )
-
-
-def _resampled(data: Fitted, squares: Signal, withheld: Sequence[int], seed: int) -> Signal:
+def _resampled(by_log: Sequence[Signal], seed: int) -> Signal:
     """Share that is closed with `DRAWS` choices of the cycles of some logs, (draws,).
 
     Parameters
     ----------
-    squares : (M, 4, 5) as `_each_squared` gives them
+    by_log : what exceeds noise in the cycles of each log, (3, cycles) as `_excess` gives it
     """
-    rng = np.random.default_rng(seed)
-    by_cycle = [_by_cycle(squares[data.rows[k]], data.blocks.cycle[data.rows[k]]) for k in withheld]
-    first = np.cumsum([0, *(len(cells) for cells in by_cycle)])[:-1]
+    rng, sizes = np.random.default_rng(seed), [excess.shape[1] for excess in by_log]
+    first = np.cumsum([0, *sizes])
     draws = [
-        [
-            at + rng.integers(len(cells), size=len(cells))
-            for at, cells in zip(first, by_cycle, strict=True)
-        ]
+        [at + rng.integers(size, size=size) for at, size in zip(first, sizes, strict=False)]
         for _ in range(DRAWS)
     ]
     chosen = np.array([np.concatenate(one) for one in draws])
-    return np.asarray(_share_of(*_excess(np.concatenate(by_cycle))[:, chosen].sum(axis=2)))
+    return _share_of(np.hstack(by_log)[:, chosen].sum(axis=2))
 
 
-def _each_squared(data: Fitted, before: Signal, after: Signal) -> Signal:
+def _cycles(data: Fitted, rows: slice) -> list[NDArray[np.intp]]:
+    """Blocks of each cycle of a log, by their numbers."""
+    cycle = data.blocks.cycle[rows]
+    return [rows.start + np.flatnonzero(cycle == c) for c in np.unique(cycle)]
+
+
+def _squares(data: Fitted, before: Signal, after: Signal) -> Signal:
     """Squares of the gap before, after, of noise, and ones, of every block, (M, 4, 5); 0 where a
     block does not count.
     """
@@ -283,27 +260,9 @@ def _each_squared(data: Fitted, before: Signal, after: Signal) -> Signal:
     return np.where((data.seen & np.isfinite(after))[:, None], each**2, 0.0)
 
 
-def _squares(data: Fitted, before: Signal, after: Signal, logs: Sequence[int]) -> Signal:
-    """Sums over the blocks of some logs of what `_each_squared` gives, (logs, 4, 5)."""
-    squares = _each_squared(data, before, after)
-    return np.array([squares[data.rows[k]].sum(axis=0) for k in logs])
-
-
-def _by_cycle(squares: Signal, cycle: NDArray[np.intp]) -> Signal:
-    """Sums over the blocks of each cycle, (cycles, ...) from (m, ...)."""
-    return np.array([squares[cycle == c].sum(axis=0) for c in np.unique(cycle)])
-
-
-def _share(sums: Signal) -> float:
-    """Share that is closed of what exceeds noise, over channels and logs or their cycles, each in
-    mean squares of its noise.
-
-    Parameters
-    ----------
-    sums : (cells, 4, 5) sums of squares of the gap before, after, of noise, and the number of
-        blocks, by channel
-    """
-    return float(_share_of(*_excess(sums).sum(axis=1)))
+def _sums(squares: Signal, cells: Sequence[slice | NDArray[np.intp]]) -> Signal:
+    """Sums over the blocks of logs or cycles, (cells, 4, 5)."""
+    return np.array([squares[rows].sum(axis=0) for rows in cells])
 
 
 def _excess(sums: Signal) -> Signal:
@@ -312,7 +271,8 @@ def _excess(sums: Signal) -> Signal:
 
     Parameters
     ----------
-    sums : (cells, 4, 5) as `_share` takes them
+    sums : (cells, 4, 5) sums of squares of the gap before, after, of noise, and the number of
+        blocks, by channel
     """
     before, after, noise, count = np.moveaxis(sums, 1, 0)
     counted = count >= 3.0
@@ -321,7 +281,10 @@ def _excess(sums: Signal) -> Signal:
     return np.array([np.where(counted, one, 0.0).sum(axis=1) for one in each])
 
 
-def _share_of(old: Signal, new: Signal, count: Signal) -> Signal:
-    """Share that is closed of an excess over noise; 0 where it is too small to be closed."""
+def _share_of(excess: Signal) -> Signal:
+    """Share that is closed of what exceeds noise, (...) from (3, ...); 0 where it is too small to
+    be closed.
+    """
+    old, new, count = excess
     gap = old > MIN_EXCESS * np.maximum(count, 1.0)
     return np.where(gap, 1.0 - new / np.where(gap, old, 1.0), 0.0)

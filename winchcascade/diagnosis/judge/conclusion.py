@@ -11,19 +11,10 @@ import numpy as np
 
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.search import Found, gone_on, weighing
-from winchcascade.diagnosis.judge.alarms import (
-    OF_THE_RESIDUAL,
-    Judged,
-    cancelling,
-    moved_by,
-    ringing,
-)
+from winchcascade.diagnosis.judge.alarms import OF_THE_RESIDUAL, Judged, cancelling, ringing
 from winchcascade.diagnosis.judge.causes import COVERED, look_alikes_of
-from winchcascade.diagnosis.judge.closure import (
-    HeldOut,
-    closes_more,
-    share_closed,
-)
+from winchcascade.diagnosis.judge.closure import HeldOut, share_closed
+from winchcascade.diagnosis.judge.relevance import moved_by, share_of_plateau
 from winchcascade.diagnosis.judge.stability import stabilities
 from winchcascade.diagnosis.verdict_limits import DISPENSABLE, LAW
 
@@ -33,7 +24,7 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Signal
 
 
-RESUMED = 4
+RESUMED_MAX = 4
 """Maximum number of times that a search goes on from what its conclusion finds."""
 
 
@@ -46,7 +37,7 @@ def concluded(
     Look-alikes of its causes are fitted. Where one of these has more evidence, the search goes on
     from there.
     """
-    for _ in range(RESUMED):
+    for _ in range(RESUMED_MAX):
         found = predicting_best(without_imitators(data, found), held_out)
         look_alikes_of(found)
         further = gone_on(found, on_progress)
@@ -67,15 +58,11 @@ def predicting_best(found: Found, held_out: HeldOut) -> Found:
         return predicting_best(gone_on(without), held_out)
     if len(best.names) < 2:
         return found
-    fewer = [found.fit(tuple(n for n in best.names if n != name)) for name in best.names]
+    fewer = [found.without(name) for name in best.names]
     tried = {fit.names: fit for fit in (best, *fewer, *found.singles()) if found.allowed(fit.names)}
     closures = {names: held_out.of(found, fit) for names, fit in tried.items()}
     own, worth = closures.pop(best.names), weighing(found).worth
-    chosen = [
-        names
-        for names, closure in closures.items()
-        if closes_more(data, closure, own, held_out.seed)
-    ]
+    chosen = [names for names, closure in closures.items() if closure.closes_more_than(own)]
     one = Judged(data, found.problem.suspects, best)
     if not chosen and any(pair.size > pair.limit for pair in cancelling(one)):
         chosen = [
@@ -93,28 +80,13 @@ def predicting_best(found: Found, held_out: HeldOut) -> Found:
     return predicting_best(smaller.led_by(names), held_out)
 
 
-def shares_of_plateau(data: Fitted, moved: Mapping[str, Signal]) -> dict[str, Signal]:
-    """Root mean square over all logs of what causes move in each channel, (5,) each, as a share of
-    its plateau. [1]
-
-    Parameters
-    ----------
-    moved : (M, 5) what each moves, SI units
-    """
-    level = np.concatenate([log.courses[:, :, 0] for log in data.logs])
-    counted = data.seen & (level > 0.0)
-    share = np.where(counted, 1.0 / np.where(counted, level, 1.0), 0.0)
-    count = np.maximum(np.count_nonzero(counted, axis=0), 1)
-    return {name: np.sqrt(np.sum((x * share) ** 2, axis=0) / count) for name, x in moved.items()}
-
-
 def is_within_law(moved: Mapping[str, Signal], name: str) -> bool:
     """Whether a cause moves no channel by more than what the law of one other cause leaves open of
     what that moves.
 
-    >>> moved = {"large": np.array([0.1, 0.0]), "small": np.array([0.001, 0.0]), "aside": np.array([0.001, 0.001])}
+    >>> moved = {"large": np.array([0.1, 0.0]), "small": np.array([0.001, 0.0])}
     >>> [is_within_law(moved, name) for name in moved]
-    [False, True, False]
+    [False, True]
 
     Parameters
     ----------
@@ -135,9 +107,9 @@ def without_imitators(data: Fitted, found: Found) -> Found:
     if len(best.names) < 2:
         return found
     differing = {name for name, stability in stabilities(data, found).items() if stability.trends}
-    moved = shares_of_plateau(data, moved_by(data, suspects, best))
+    moved = {name: share_of_plateau(data, x) for name, x in moved_by(data, suspects, best).items()}
     for name in (name for name in best.names if name in differing or is_within_law(moved, name)):
-        fewer = found.fit(tuple(n for n in best.names if n != name))
+        fewer = found.without(name)
         lost = share_closed(data, suspects, best) - share_closed(data, suspects, fewer)
         if lost < DISPENSABLE and not ringing(Judged(data, suspects, fewer), OF_THE_RESIDUAL):
             left = msgspec.structs.replace(found, imitators=found.imitators | {name})

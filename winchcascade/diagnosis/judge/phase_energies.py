@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.fit.evidence import Fit
-    from winchcascade.diagnosis.fit.fitted_log import Log
     from winchcascade.diagnosis.fit.misfit import Fitted
     from winchcascade.diagnosis.fit.suspects import Suspects
 
@@ -72,7 +71,7 @@ class Known(NamedTuple):
 
 
 def energies_of(data: Fitted, suspects: Suspects, fit: Fit) -> tuple[StageEnergy, ...]:
-    """Energies of every run by phase; stages that a run cannot give are left out."""
+    """Energies of every run by phase; without stages that a run cannot give."""
     effects, nothing = fit.effects(suspects), np.zeros_like(fit.nu)
     skew, zeros, known = data.skew(fit.nu), data.zeros(fit.nu), _known(data, suspects, fit)
     models = [data.models(nothing, []), data.models(fit.nu, []), data.models(fit.nu, effects)]
@@ -91,8 +90,9 @@ def energies_of(data: Fitted, suspects: Suspects, fit: Fit) -> tuple[StageEnergy
 
 def _known(data: Fitted, suspects: Suspects, fit: Fit) -> Known:
     """What a fit leaves open: its nuisances, and the fields of its effects that lie at no bound."""
-    effects = fit.effects(suspects)
-    at, acting = data.predict(fit.nu, effects), dict(zip(fit.names, effects, strict=True))
+    acting = fit.acting(suspects)
+    effects = [*acting.values()]
+    at = data.predict(fit.nu, effects)
     steps = [
         (acting | {name: moved}, step)
         for name in fit.names
@@ -200,7 +200,8 @@ def _variance(data: Fitted, known: Known, k: int, phase: str, weights: Signal) -
     """
     log, rows = data.logs[k], data.rows[k]
     taking = data.seen[rows] & (k not in data.withheld)
-    noise = known.scale * IN_A_ROW * _squared(log, weights)
+    own, shared = log.noise.own_total * weights, np.sum(log.noise.drive * weights, axis=1)
+    noise = known.scale * IN_A_ROW * float(np.sum(own**2) + np.sum(shared**2))
     for name in WITHOUT_ZERO:
         noise += (
             sensor_errors(data.rig.sensors.get(name))[1]
@@ -221,14 +222,6 @@ def _variance(data: Fitted, known: Known, k: int, phase: str, weights: Signal) -
     follows = known.covariance @ both
     of_model = sum(x**2 for x in by_course.values())
     return max(noise + of_model - float(both @ follows) + 2.0 * float(outside @ follows), noise)
-
-
-def _squared(log: Log, weights: Signal) -> float:
-    """Variance of a sum over blocks by their noise, of each channel alone and of the velocity
-    that they share.
-    """
-    own, shared = log.noise.own_total * weights, np.sum(log.noise.drive * weights, axis=1)
-    return float(np.sum(own**2) + np.sum(shared**2))
 
 
 def _local(data: Fitted, k: int, phase: str, weights: Signal) -> Iterator[float]:

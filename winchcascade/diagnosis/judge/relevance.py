@@ -1,5 +1,5 @@
-"""Which causes matter: what each changes, in what the rig file calls relevant, and effects that
-only hint.
+"""What each cause of a fit moves in the logs, and whether that is as much as the rig file calls
+relevant.
 """
 
 from __future__ import annotations
@@ -9,19 +9,60 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from winchcascade.diagnosis.diagnosis_result import (
-    LargestChange,
-    Minor,
-    NamedCause,
-)
+from winchcascade.diagnosis.diagnosis_result import LargestChange, Minor, NamedCause
 from winchcascade.diagnosis.fit.block_means import PHASES
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.predict import CHANNELS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from winchcascade.core.run import Signal
+    from winchcascade.diagnosis.fit.evidence import Fit
+    from winchcascade.diagnosis.fit.suspects import Suspects
+
+
+def moved_by(data: Fitted, suspects: Suspects, fit: Fit) -> dict[str, Signal]:
+    """What each cause of a fit moves in the prediction beside the others, (M, 5) each, SI units."""
+    acting = fit.acting(suspects)
+    whole = data.predict(fit.nu, [*acting.values()])
+    others = {name: [one for other, one in acting.items() if other != name] for name in acting}
+    return {name: whole - data.predict(fit.nu, kept) for name, kept in others.items()}
+
+
+def plateaus_of(data: Fitted) -> Signal:
+    """Size of each channel in the phase of each block, (M, 5) in SI units."""
+    return np.concatenate([log.courses[:, :, 0] for log in data.logs])
+
+
+def share_of_plateau(data: Fitted, moved: Signal) -> Signal:
+    """Root mean square over all logs of what moves in each channel, (5,), as a share of its
+    plateau. [1]
+
+    Parameters
+    ----------
+    moved : (M, 5) SI units
+    """
+    level = plateaus_of(data)
+    counted = data.seen & (level > 0.0)
+    share = np.where(counted, moved / np.where(counted, level, 1.0), 0.0)
+    count = np.maximum(np.count_nonzero(counted, axis=0), 1)
+    return np.asarray(np.sqrt(np.sum(share**2, axis=0) / count))
+
+
+def changes_of_means(data: Fitted, moved: Signal) -> Iterator[tuple[int, int, int, float]]:
+    """Numbers of log, channel and phase, and the change of the mean there as a share of the
+    plateau. [1]
+
+    Parameters
+    ----------
+    moved : as in `share_of_plateau`
+    """
+    level = plateaus_of(data)
+    for log, k, phase, here in data.cells():
+        if here.size and np.max(level[here, k]) > 0.0:
+            plateau = max(float(np.max(level[here, k])), 1e-12)
+            yield log, k, phase, float(np.mean(moved[here, k])) / plateau
 
 
 def minor_of(
@@ -53,29 +94,16 @@ def largest_change(
     [1]
     """
     accuracy = data.rig.model
+    of_channels = [
+        LargestChange(CHANNELS[k], change, phase=PHASES[phase], load=data.logs[log].run.load)
+        for log, k, phase, change in changes_of_means(data, moved)
+    ]
     changes = [
         (abs(change.change) / max(limit, 1e-12), change)
         for limit, several in (
             (accuracy.relevant_efficiency, efficiencies),
-            (accuracy.relevant_share, _changes_of_channels(data, moved)),
+            (accuracy.relevant_share, of_channels),
         )
         for change in several
     ]
     return max(changes, key=lambda pair: pair[0], default=(math.inf, None))
-
-
-def _changes_of_channels(data: Fitted, moved: Signal) -> list[LargestChange]:
-    """What a cause that moves blocks, (M, 5), changes of the mean of each channel in each phase of
-    each log, as a share of its plateau. [1]
-    """
-    level = np.concatenate([log.courses[:, :, 0] for log in data.logs])
-    return [
-        LargestChange(
-            CHANNELS[k],
-            float(np.mean(moved[here, k])) / max(float(np.max(level[here, k])), 1e-12),
-            phase=PHASES[phase],
-            load=data.logs[log].run.load,
-        )
-        for log, k, phase, here in data.cells()
-        if here.size and np.max(level[here, k]) > 0.0
-    ]

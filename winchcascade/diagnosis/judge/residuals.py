@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import white_noise
+from winchcascade.core.integrate import rms, white_noise
 from winchcascade.diagnosis.fit.block_means import HOLD, PAYOUT, PHASES, scatter_about_course
 from winchcascade.diagnosis.fit.block_noise import MIN_BLOCKS, unsteadiness_of
 from winchcascade.diagnosis.fit.evidence import Fit
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.fit.suspects import Suspects
 
 
-FEW, FAR = 30, 8.0
+BLOCKS_MIN, BLOCK_Z_MAX = 30, 8.0
 """Minimum number of blocks for an rms, and magnitude that a single block counts for at most."""
 
 
@@ -32,12 +32,12 @@ def block_rms(data: Fitted, z: Signal) -> dict[tuple[str, str], float]:
     for k, channel in enumerate(CHANNELS):
         for p, name in enumerate(PHASES):
             here = table[(data.blocks.phase == p) & (table[:, k] != 0.0), k]
-            if here.size >= FEW:
-                found[channel, name] = float(np.sqrt(np.mean(np.minimum(np.abs(here), FAR) ** 2)))
+            if here.size >= BLOCKS_MIN:
+                found[channel, name] = rms(np.minimum(np.abs(here), BLOCK_Z_MAX))
     return found
 
 
-FINER = 0.5
+FAST_MOTION_WIDTH = 0.5
 """Part of the usual width over which the velocity is smoothed where its fast motion is sought.
 [1]
 """
@@ -48,9 +48,10 @@ def scatter(data: Fitted, suspects: Suspects, fit: Fit) -> dict[str, float]:
     the worst log, by channel.
 
     What noise and fast motion of the line move, which the smoothed velocity lacks, is the change of
-    the simulation where the velocity is smoothed over `FINER` of the width. The force is left out:
-    its tether rings. This shows a ripple that the means of blocks do not contain. Fast motion moves
-    a channel by as much at any load: the model's part is that of the log with the highest level.
+    the simulation where the velocity is smoothed over `FAST_MOTION_WIDTH` of the width. The force
+    is not judged: its tether rings. This shows a ripple that the means of blocks do not contain.
+    Fast motion moves a channel by as much at any load: the part of the model is that of the log
+    with the highest level.
     """
     models, skew = data.models(fit.nu, fit.effects(suspects)), data.skew(fit.nu)
     share = data.rig.model.discrepancy
@@ -59,10 +60,12 @@ def scatter(data: Fitted, suspects: Suspects, fit: Fit) -> dict[str, float]:
     for number, (log, model) in enumerate(zip(data.logs, models, strict=True)):
         blocks, coarse = log.course.blocks, log.course.coarse.t
         payout = blocks.phase == PAYOUT
-        if number in data.withheld or np.count_nonzero(payout) < FEW // 2:
+        if number in data.withheld or np.count_nonzero(payout) < BLOCKS_MIN // 2:
             continue
         grid = log.course.on_grid(model, skew=skew)
-        scale = msgspec.structs.replace(log.course.scale, ramp=FINER * log.course.scale.ramp)
+        scale = msgspec.structs.replace(
+            log.course.scale, ramp=FAST_MOTION_WIDTH * log.course.scale.ramp
+        )
         finer = Course(log.run, blocks, log.course.step, scale)
         lively = finer.on_grid(model, skew=skew)
         for k, channel in enumerate(CHANNELS):
@@ -88,9 +91,9 @@ def unsteadiness(data: Fitted, suspects: Suspects, fit: Fit) -> dict[tuple[str, 
     moves the force also at rest: its scatter there counts as noise.
     """
     residual = data.measured - data.predict(fit.nu, fit.effects(suspects))
-    each = (log for log in enumerate(data.logs) if log[0] not in data.withheld)
     tables = []
-    for k, log in each:
+    for k in data.taking:
+        log = data.logs[k]
         table = unsteadiness_of(log.noise, log.course.blocks, residual[data.rows[k]])
         table[:, FORCE, 1] = np.fmax(table[:, FORCE, 1], _at_rest(log))
         tables.append(table)

@@ -1,8 +1,8 @@
 """Stability of each cause: its number in every run, and whether this drifts over the runs or
 depends on the load.
 
-The objective is expanded about the joint fit, and every run gets a strength of the cause of its
-own. The other causes and the nuisances are common to the runs: what a common nuisance can explain
+The objective is expanded about the joint fit, and every run gets a separate strength of the cause.
+The other causes and the nuisances are common to the runs: what a common nuisance can explain
 is no scatter of the runs.
 """
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.diagnosis_result import Along, NamedCause, RunValue, Stability, Trend
+from winchcascade.diagnosis.diagnosis_result import Along, RunValue, Stability, Trend
 from winchcascade.diagnosis.fit.covariance import grown
 from winchcascade.diagnosis.fit.evidence import inside_of
 from winchcascade.diagnosis.fit.marginal import weights
@@ -24,7 +24,7 @@ from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.verdict_limits import CHANCE, LAW, MIN_RUNS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
@@ -34,23 +34,13 @@ if TYPE_CHECKING:
 
     Rulers = Mapping[Along, Signal]
 
-TRIED = 3
+TRENDS_TRIED = 3
 """What is tried of each cause: a trend with the order, one with the load, a scatter."""
 
-NO_PART = 1e-9
+INFORMATION_MIN = 1e-9
 """Information of a run on a cause, as a share of that of all runs, below which the run does not
 depend on it.
 """
-
-
-def with_stability(
-    data: Fitted, found: Found, causes: Sequence[NamedCause]
-) -> tuple[NamedCause, ...]:
-    """The causes of the best fit with their numbers run by run."""
-    several = stabilities(data, found)
-    return tuple(
-        msgspec.structs.replace(cause, stability=several[cause.effect]) for cause in causes
-    )
 
 
 def stabilities(data: Fitted, found: Found) -> dict[str, Stability]:
@@ -88,7 +78,7 @@ def strengths(data: Fitted, found: Found, name: str) -> tuple[NDArray[np.intp], 
     columns, own = expansion.over(fit.names), fit.place[name]
     way = found.marginal.undone(columns[:, own] @ (fit.x[own] - fit.free.absent[own]))
     sizes = [float(np.sum(way[_rows(rows)] ** 2)) for rows in data.rows]
-    runs = np.flatnonzero(np.array(sizes) > NO_PART * sum(sizes))
+    runs = np.flatnonzero(np.array(sizes) > INFORMATION_MIN * sum(sizes))
     parts = np.zeros((way.size, runs.size))
     for column, run in enumerate(runs.tolist()):
         parts[_rows(data.rows[run]), column] = way[_rows(data.rows[run])]
@@ -121,7 +111,7 @@ def _stability(
     span: float,
     causes: int,
 ) -> Stability:
-    """Stability of one cause, as shares of its strength in the joint fit.
+    """Stability of one cause, in shares of its strength in the joint fit.
 
     The law of an effect is exact to a share of `LAW` only, alike in runs with the same load.
 
@@ -137,7 +127,10 @@ def _stability(
     spread = covariance + LAW**2 * (loads[:, None] == loads)
     rulers = _rulers(np.array(data.order.begins)[runs[resolved]], loads[resolved])
     trends, _ = trends_of(
-        share[resolved], spread[np.ix_(resolved, resolved)], rulers, CHANCE / (TRIED * causes)
+        share[resolved],
+        spread[np.ix_(resolved, resolved)],
+        rulers,
+        CHANCE / (TRENDS_TRIED * causes),
     )
     numbers = zip(
         runs[resolved].tolist(), share[resolved].tolist(), half[resolved].tolist(), strict=True

@@ -33,13 +33,8 @@ from winchcascade.diagnosis.fit.nuisances import COURSES
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.stages.diagnose_stages import StageAgreement, diagnosed
-from winchcascade.diagnosis.stages.stage_fit import SHAPE
-from winchcascade.diagnosis.stages.stage_laws import (
-    StagePath,
-    StageSignals,
-    axes_of,
-    laws_beside_model,
-)
+from winchcascade.diagnosis.stages.stage_fit import LAW_BESIDE_MODEL
+from winchcascade.diagnosis.stages.stage_laws import laws_beside_model
 from winchcascade.diagnosis.stages.stage_rows import (
     EVERY_SAMPLE,
     PathSamples,
@@ -47,6 +42,7 @@ from winchcascade.diagnosis.stages.stage_rows import (
     data_of,
     rows_of,
 )
+from winchcascade.diagnosis.stages.stage_signals import StagePath, StageSignals, axes_of
 from winchcascade.rig import physics
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.parts import ELECTRICAL, changed
@@ -79,10 +75,10 @@ STAGE_ENDS: dict[Stage, tuple[str, str]] = {
 }
 """Places between which the power of each stage flows."""
 
-MISREAD = 0.01
+CHANGE_OF_READING = 0.01
 """Error of a sensor by which derivatives are taken, as a share of its largest reading. [1]"""
 
-MORE = 0.01
+CHANGE_OF_NUMBER = 0.01
 """Share of the resistance of the stator, and exponent of the gas, by which derivatives are taken.
 [1]
 """
@@ -95,7 +91,7 @@ STATOR = math.sqrt(2.0 / 3.0)
 Undeland and Robbins 2003, chapter 5). [1]
 """
 
-LATE = "late"
+LAG = "late"
 """Name of the lag of voltage and current, which a logger reads together, among slopes of a gap."""
 
 
@@ -111,7 +107,7 @@ def beside_model(
     """
     on_progress("comparing each stage with its model")
     causes = (*found.causes, *found.candidates)
-    acting = dict(zip(found.chosen, found.found.best.effects(found.suspects), strict=True))
+    acting = found.found.best.acting(found.suspects)
     effects = [acting[cause.effect] for cause in causes]
     data, caused = data_beside_model(found.data, effects)
     laws = diagnosed(data, found.title, found.rig, found.seed, on_progress)
@@ -167,16 +163,16 @@ def data_beside_model(
 
 def _slopes(made: Deviations, model: Model) -> dict[str, dict[str, Signal]]:
     """Change of the gap of each stage over the zero of each sensor, by channel, and over the lag of
-    voltage and current, by `LATE`, (n,) each.
+    voltage and current, by `LAG`, (n,) each.
     """
     found: dict[str, tuple[float, Run]] = {}
     run = late = made.run
     for channel in (name for name in CHANNELS if name in run.channels):
-        error = MISREAD * (float(np.max(np.abs(run.channels[channel]))) or 1.0)
+        error = CHANGE_OF_READING * (float(np.max(np.abs(run.channels[channel]))) or 1.0)
         found[channel] = error, misread(run, channel, "zero", error)
         if channel in ELECTRICAL:
             late = misread(late, channel, "timing", 1.0 / run.fs)
-    found[LATE] = 1.0 / run.fs, late
+    found[LAG] = 1.0 / run.fs, late
     return {
         name: {stage: (x - made.gaps[stage]) / error for stage, x in gaps.items()}
         for name, (error, other) in found.items()
@@ -195,7 +191,7 @@ def _samples(data: Fitted, number: int, made: Deviations) -> dict[Stage, PathSam
         added = np.nan_to_num(beyond)
         ends = (power, power + added) if stage == "gearbox" else (power - added, power)
         by = {name: np.nan_to_num(per * slope[stage]) for name, slope in slopes.items()}
-        signals[stage]["late"] = -by.pop(LATE)
+        signals[stage]["late"] = -by.pop(LAG)
         # with its noise in the column of a gain, a fit would shrink a reading to shrink its noise
         gains = {channel: x * made.simulated[channel] for channel, x in by.items()}
         known = [
@@ -223,12 +219,12 @@ def _signals(made: Deviations, model: Model) -> dict[Stage, dict[str, Signal]]:
     omega = path.v / model.r_motion
     found: dict[Stage, dict[str, Signal]] = {}
     if "restoring" in made.gaps:
-        warmer = changed(model, "restoring.exponent", "add", MORE)
+        warmer = changed(model, "restoring.exponent", "add", CHANGE_OF_NUMBER)
         (less,) = _caused(made, model, [warmer], "restoring")
         absolute = channels["pressure"] - made.gaps["restoring"] + ATMOSPHERE
         found["restoring"] = {
             "gas": absolute * physics.piston_torque(omega, model.restoring),
-            "warmth": -less / MORE,
+            "warmth": -less / CHANGE_OF_NUMBER,
         }
     if "transmission" in made.gaps:
         found["transmission"] = {
@@ -250,11 +246,13 @@ def _signals(made: Deviations, model: Model) -> dict[Stage, dict[str, Signal]]:
         drive = drive_along(made.run, model, path)
         field = physics.RECTIFIED * model.generator.k_e * drive.rpm * drive.i_bridge
         found["generator"] = {"field": np.nan_to_num(field)}
-    more = changed(model, "generator.r_s", "add", MORE * model.generator.r_s)
+    more = changed(model, "generator.r_s", "add", CHANGE_OF_NUMBER * model.generator.r_s)
     for stage in found.keys() & {"gearbox", "generator"}:
         # the bridge loses as much of its mean voltage to a resistance as of power only about
         (less,) = _caused(made, model, [more], stage)
-        square = np.maximum(-less, 0.0) / (PHASES_IN_SERIES * MORE * model.generator.r_s)
+        square = np.maximum(-less, 0.0) / (
+            PHASES_IN_SERIES * CHANGE_OF_NUMBER * model.generator.r_s
+        )
         found[stage]["current"] = np.sqrt(square)
     if (own := found.get("generator")) is not None:
         own["overload"] = np.maximum(STATOR * own["current"] - model.generator.i_rated, 0.0)
@@ -304,10 +302,12 @@ def agreement_of(
     for k, path in enumerate(fit.data.paths):
         here = (rows.path == k) & (rows.blocks.phase == PAYOUT)
         if here.any():
-            column = np.mean(rows.columns[here][:, fit.own(best)], axis=0)
+            column = np.mean(rows.columns[here][:, fit.columns_of(best)], axis=0)
             power = float(column @ best.x)
             u_numbers = math.sqrt(float(column @ fit.covariance(best) @ column))
-            u = math.hypot(u_numbers, SHAPE * power)  # what a law misses lasts in every cycle
+            u = math.hypot(
+                u_numbers, LAW_BESIDE_MODEL * power
+            )  # what a law misses lasts in every cycle
             of_model = np.mean(caused[here], axis=0)
             u_model = float(np.linalg.norm(known * of_model[1:]))
             flows = float(np.mean(np.abs(rows.given[here])))

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from winchcascade.core.integrate import rms
 from winchcascade.core.jobs import linear_algebra_on_one_thread
 from winchcascade.core.log_thresholds import with_thresholds
+from winchcascade.diagnosis.campaign_entries import Entries
 from winchcascade.diagnosis.diagnosis_result import (
     Alarm,
     DiagnosisResult,
-    Entries,
     GapClosure,
     NamedCause,
     Place,
@@ -30,6 +31,7 @@ from winchcascade.diagnosis.explain.gap_map import weigh
 from winchcascade.diagnosis.fit.block_means import HOLD, scatter_about_course
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.judge.closure import DRAWS
+from winchcascade.diagnosis.judge.verdict import doubted
 from winchcascade.diagnosis.stages.stage_causes import (
     MATERIAL,
     is_material,
@@ -38,8 +40,9 @@ from winchcascade.diagnosis.stages.stage_causes import (
     stage_causes,
 )
 from winchcascade.diagnosis.stages.stage_fit import StageFit, fit_of, folds_of
-from winchcascade.diagnosis.stages.stage_rows import PARTS_OF_RUN, StageData, StageRows, stage_data
-from winchcascade.diagnosis.verdict_limits import CHANCE, HALF, MOSTLY, OPEN, ROUGH
+from winchcascade.diagnosis.stages.stage_rows import PARTS_OF_RUN, StageData, StageRows
+from winchcascade.diagnosis.stages.stage_samples import stage_data
+from winchcascade.diagnosis.verdict_limits import CHANCE, HALF, MOSTLY, ROUGH
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -51,7 +54,7 @@ if TYPE_CHECKING:
 PART_OF_GAP = 0.01
 """A structure with less than this share of the squared gap has no effect on the verdict."""
 
-FEW = 12
+TRIPLES_MIN = 12
 """Minimum number of triples of neighbouring blocks for an estimate of their noise."""
 
 SMALL_ENERGY = 0.03
@@ -129,7 +132,7 @@ def diagnose_stages(
 
     Parameters
     ----------
-    entries : runs; if none is withheld, causes are chosen on all cycles and each is left out of the
+    entries : runs; if none is withheld, causes are chosen on all cycles and each is held out of the
         fit once
     suspects : effects by name that may be named; those that are laws of the stages count
     seed : of the resampling of cycles
@@ -150,7 +153,7 @@ def diagnosed(
     data: StageData, title: str, rig: Rig, seed: int, on_progress: Callable[[str], None]
 ) -> StageDiagnosis:
     """Find the laws that explain some rows, and judge them."""
-    on_progress("leaving each cycle out in turn")
+    on_progress("holding each cycle out in turn")
     fit = fit_of(data)
     closure = _closure(fit, seed)
     on_progress("looking for alternative explanations")
@@ -164,9 +167,7 @@ def diagnosed(
     places, experiment = _places(data), plan(fit, causes)
     no_gap = verdict == "no_gap"
     if verdict == "partly_explained":  # what else acts, a cause may imitate
-        causes, candidates, fitted = (
-            tuple(map(_doubted, several)) for several in (causes, candidates, fitted)
-        )
+        causes, candidates, fitted = map(doubted, (causes, candidates, fitted))
     causes, candidates = ((), ()) if verdict == "unexplained" else (causes, candidates)
     largest = max(places, key=lambda place: place.share)
     return StageDiagnosis(
@@ -192,11 +193,6 @@ def diagnosed(
     )
 
 
-def _doubted(cause: NamedCause) -> NamedCause:
-    """A cause with the posterior that it may have while something else acts."""
-    return msgspec.structs.replace(cause, probability=min(cause.probability, OPEN))
-
-
 def _verdict(
     closure: StageClosure,
     remainder: Remainder,
@@ -217,16 +213,16 @@ def _verdict(
 
 
 # ------------------------------------------------------------------- where, and how far it closes
-def _kinds(rows: StageRows) -> Iterator[tuple[int, int, Index]]:
-    """Path and phase of which there are rows, and these rows."""
+def _kinds(rows: StageRows) -> Iterator[tuple[int, Index]]:
+    """Numbers of path and phase of which there are rows, and these rows."""
     for kind in np.unique(rows.kind).tolist():
-        yield (*divmod(kind, len(PARTS_OF_RUN)), np.flatnonzero(rows.kind == kind))
+        yield kind, np.flatnonzero(rows.kind == kind)
 
 
 def _places(data: StageData) -> tuple[Place, ...]:
     """Map the gap: one row for each path and phase of which there are blocks."""
     found, squares = [], max(float(np.sum(data.rows.gap**2)), 1e-300)
-    for path, phase, here in _kinds(data.rows):
+    for kind, here in _kinds(data.rows):
         own = data.rows.some(here)
         if own.t.size < 2:
             continue
@@ -235,10 +231,12 @@ def _places(data: StageData) -> tuple[Place, ...]:
         by = weigh(
             own.gap, own.blocks.cycle, np.full(own.t.size, noise), 0.0, np.zeros((own.t.size, 1))
         )
-        place = data.paths[path]
-        named = {"channel": place.channel, "phase": PARTS_OF_RUN[phase], "stage": place.place}
+        path, phase = data.named(kind)
+        share = float(np.sum(own.gap**2)) / squares
         found.append(
-            msgspec.structs.replace(by, **named, share=float(np.sum(own.gap**2)) / squares)
+            msgspec.structs.replace(
+                by, channel=path.channel, phase=phase, stage=path.place, share=share
+            )
         )
     return tuple(found)
 
@@ -247,7 +245,7 @@ def _noise(rows: StageRows, x: Signal) -> float:
     """Noise of the rows of one path and phase, about their smooth course; NaN where there are too
     few blocks. [W]
     """
-    return scatter_about_course(rows.blocks, x, np.ones(x.size, dtype=bool), FEW)
+    return scatter_about_course(rows.blocks, x, np.ones(x.size, dtype=bool), TRIPLES_MIN)
 
 
 def _closure(fit: StageFit, seed: int) -> StageClosure:
@@ -271,12 +269,10 @@ def _closure(fit: StageFit, seed: int) -> StageClosure:
         here = rows.path == number
         noise = [
             _noise(rows.some(own), after[own]) ** 2 * own.size / max(int(np.count_nonzero(here)), 1)
-            for p, _, own in _kinds(rows)
-            if p == number
+            for kind, own in _kinds(rows)
+            if kind // len(PARTS_OF_RUN) == number
         ]
-        before, left = (
-            float(np.sqrt(np.mean(x[here] ** 2))) if here.any() else 0.0 for x in (rows.gap, after)
-        )
+        before, left = (rms(x[here]) if here.any() else 0.0 for x in (rows.gap, after))
         squares = float(np.nansum(noise))
         channels[data.paths[number].channel] = Shrunk(before, left, math.sqrt(squares))
     return StageClosure(channels, share, min(low, share), max(high, share), rows=rows, after=after)
@@ -288,11 +284,9 @@ def _remainder(fit: StageFit, closure: StageClosure, energies: tuple[Alarm, ...]
     """
     data, rows, after, alarms = fit.data, closure.rows, closure.after, list(energies)
     noisiest: dict[float, Spot] = {}
-    for path, phase, here in _kinds(rows):
-        spot, squares = (
-            Spot(data.paths[path].channel, PARTS_OF_RUN[phase]),
-            float(np.sum(after[here] ** 2)),
-        )
+    for kind, here in _kinds(rows):
+        path, phase = data.named(kind)
+        spot, squares = Spot(path.channel, phase), float(np.sum(after[here] ** 2))
         noisiest[squares] = spot
         noise = _noise(rows.some(here), after[here])
         ratio = math.sqrt(squares / here.size) / noise if noise > 0.0 else 0.0
@@ -324,7 +318,7 @@ def _energies(fit: StageFit, after: Signal) -> tuple[tuple[StageEnergy, ...], tu
         return np.bincount(place, power * rows.width).astype(np.float64)
 
     measured, before, residual = map(energy, (rows.gap + rows.given, rows.given, after))
-    slopes = np.hstack([rows.columns[:, fit.own(fit.found.best)], rows.known])
+    slopes = np.hstack([rows.columns[:, fit.columns_of(fit.found.best)], rows.known])
     columns = np.array([energy(column) for column in slopes.T]).reshape(-1, code.size).T
     size = len(fit.found.best.names)
     spread = np.eye(columns.shape[1])
@@ -342,15 +336,17 @@ def _energies(fit: StageFit, after: Signal) -> tuple[tuple[StageEnergy, ...], tu
     energies = [
         StageEnergy(
             int(rows.part[k]),
-            _named(data, one)[1],
-            data.paths[one // len(PARTS_OF_RUN)].out.name,
+            phase,
+            path.out.name,
             was,
             given,
             fitted,
             sd,
             cycle=int(rows.own_cycle[k]),
         )
-        for k, one, (was, given, fitted, sd) in zip(row, kind.tolist(), numbers, strict=True)
+        for k, (path, phase), (was, given, fitted, sd) in zip(
+            row, map(data.named, kind.tolist()), numbers, strict=True
+        )
     ]
     allowed = within + of_numbers, between + of_numbers
     return tuple(energies), _energy_alarms(data, kind, measured, residual, allowed)
@@ -373,11 +369,12 @@ def _energy_alarms(
     """
     from scipy.special import chdtrc
 
-    path, phase = np.divmod(kind, len(PARTS_OF_RUN))
+    path_of, phase_of = np.divmod(kind, len(PARTS_OF_RUN))
     found: dict[Spot, Alarm] = {}
-    for one in np.unique(kind[phase != HOLD]).tolist():
-        here, spot = np.flatnonzero(kind == one), Spot(*_named(data, one))
-        same = np.unique(kind[path == one // len(PARTS_OF_RUN)]) if data.beside_model else (one,)
+    for one in np.unique(kind[phase_of != HOLD]).tolist():
+        path, phase = data.named(one)
+        here, spot = np.flatnonzero(kind == one), Spot(path.channel, phase)
+        same = np.unique(kind[path_of == one // len(PARTS_OF_RUN)]) if data.beside_model else (one,)
         each = np.eye(here.size), np.ones((1, here.size))
         for sums, covariance in zip(each, allowed, strict=True):
             left = sums @ residual[here]
@@ -390,9 +387,3 @@ def _energy_alarms(
             if size > least and chance < CHANCE:
                 found[spot] = Alarm("energy", spot, size, SMALL_ENERGY)
     return tuple(sorted(found.values(), key=lambda alarm: -alarm.size))
-
-
-def _named(data: StageData, kind: int) -> tuple[str, str]:
-    """Channel and phase of a number of path and phase."""
-    path, phase = divmod(kind, len(PARTS_OF_RUN))
-    return data.paths[path].channel, PARTS_OF_RUN[phase]

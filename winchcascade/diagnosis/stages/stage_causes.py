@@ -22,16 +22,21 @@ from winchcascade.diagnosis.diagnosis_result import (
 )
 from winchcascade.diagnosis.fit.marginal import weights
 from winchcascade.diagnosis.fit.suspects import with_values
-from winchcascade.diagnosis.judge.causes import COVERED, parameters_of, posterior_of, swap
+from winchcascade.diagnosis.judge.causes import (
+    COVERED,
+    chance_with,
+    parameters_of,
+    posterior_of,
+    swap,
+)
 from winchcascade.diagnosis.judge.stability import trends_of
 from winchcascade.diagnosis.stages.stage_fit import FOLDS, StageFit, noise_of
-from winchcascade.diagnosis.stages.stage_laws import MOTIONS, SIGNALS
-from winchcascade.diagnosis.stages.stage_rows import PARTS_OF_RUN
+from winchcascade.diagnosis.stages.stage_laws import MOTIONS
 from winchcascade.diagnosis.verdict_limits import AS_GOOD, LAW, OPEN
 
 if TYPE_CHECKING:
     from winchcascade.diagnosis.fit.evidence import Fit
-    from winchcascade.rig.effects.effect import StageLaw
+    from winchcascade.diagnosis.stages.stage_laws import Suspected
 
 MATERIAL = 0.01
 """Share of the power of the winch, root mean squares, that a cause must take to be named: in logs
@@ -46,13 +51,13 @@ UNSTEADY_SHARE = 0.5
 """Change of a number from cycle to cycle, as a share of it, beyond which it is no cause but
 imitates one: a friction that falls as oil warms changes less. Assumed. [1]"""
 
-NEAREST = 4
+ALTERNATIVES_FITTED = 4
 """Number of suspects that are fitted in place of a cause, nearest first by the closed form."""
 
-TOP = 0.97
+TOP_OF_RUN = 0.97
 """Quantile of the magnitude of speed and load that a planned run takes for its top."""
 
-TRIED = (0.5, 1.0, 1.5)
+SCALES_TRIED = (0.5, 1.0, 1.5)
 """Multiples of the speed and of the load of the campaign that are tried for the next run. [1]"""
 
 
@@ -66,7 +71,7 @@ def stage_causes(fit: StageFit) -> tuple[NamedCause, ...]:
     several = _stabilities(fit) if found.best.names else {}
     closed, causes = 1.0 - float(np.sum(fit.residual(found.best) ** 2)) / gap, []
     for name in found.best.names:
-        without = found.fit(tuple(n for n in found.best.names if n != name))
+        without = found.without(name)
         ablation, alike = (
             1.0 - float(np.sum(fit.residual(without) ** 2)) / gap,
             _look_alikes(fit, name),
@@ -78,7 +83,7 @@ def stage_causes(fit: StageFit) -> tuple[NamedCause, ...]:
             NamedCause(
                 effect=name,
                 stage=suspects[name].stage,
-                probability=min(share_with(fit, name), most),
+                probability=min(chance_with(fit.probability, name), most),
                 parameters=numbers,
                 weight=closed - ablation,
                 stability=stability,
@@ -87,11 +92,6 @@ def stage_causes(fit: StageFit) -> tuple[NamedCause, ...]:
             )
         )
     return tuple(sorted(causes, key=lambda cause: -cause.weight))
-
-
-def share_with(fit: StageFit, name: str) -> float:
-    """Probability of all sets that contain a suspect. [1]"""
-    return sum(p for names, p in fit.probability.items() if name in names)
 
 
 def is_material(fit: StageFit, cause: str) -> bool:
@@ -106,7 +106,7 @@ def is_material(fit: StageFit, cause: str) -> bool:
 def is_steady(cause: NamedCause) -> bool:
     """Whether the number of a cause is plausible, and about the same in every cycle."""
     number = next(iter(cause.parameters.values()))
-    changes = [abs(trend.change) for trend in (cause.stability.trends if cause.stability else ())]
+    changes = [abs(trend.change) for trend in cause.trends]
     return not (number.beyond_range or number.at_limit) and max(
         changes, default=0.0
     ) <= UNSTEADY_SHARE * abs(number.value)
@@ -127,12 +127,14 @@ def _look_alikes(fit: StageFit, name: str) -> tuple[Alternative, ...]:
             if other not in chosen:
                 best.setdefault(other, names)
     swaps = {other: swap(chosen, name, other) for other in fit.data.names if other not in chosen}
-    near = sorted(swaps, key=lambda other: -found.expansion.rated(swaps[other]))[:NEAREST]
+    near = sorted(swaps, key=lambda other: -found.expansion.rated(swaps[other]))[
+        :ALTERNATIVES_FITTED
+    ]
     for other in near:
         if found.fit(swaps[other]).loss - found.best.loss <= AS_GOOD * found.scale:
             best.setdefault(other, swaps[other])
     return tuple(
-        Alternative(other, share_with(fit, other), _difference(fit, names))
+        Alternative(other, chance_with(fit.probability, other), _difference(fit, names))
         for other, names in best.items()
     )
 
@@ -143,9 +145,8 @@ def _difference(fit: StageFit, other: Names) -> Spot:
     squares = (fit.power(rows, fit.found.best) - fit.power(rows, fit.found.fit(other))) ** 2
     sums, counts = (np.bincount(rows.kind, x) for x in (squares, np.ones(squares.size)))
     worst = int(np.argmax(sums))
-    path, phase = divmod(worst, len(PARTS_OF_RUN))
-    bias = math.sqrt(float(sums[worst] / counts[worst]))
-    return Spot(fit.data.paths[path].channel, PARTS_OF_RUN[phase], bias=bias)
+    path, phase = fit.data.named(worst)
+    return Spot(path.channel, phase, bias=math.sqrt(float(sums[worst] / counts[worst])))
 
 
 # --------------------------------------------------------------------------------- cycle by cycle
@@ -158,7 +159,7 @@ def _stabilities(fit: StageFit) -> dict[str, Stability]:
     """
     data, best = fit.data, fit.found.best
     noise = noise_of(data, data.rows)
-    rows, columns = noise.whitened(noise.within), fit.own(best)
+    rows, columns = noise.whitened(noise.within), fit.columns_of(best)
     given = rows[:, -1] - rows[:, columns] @ best.x - rows[:, len(data.names) : -1] @ best.nu
     cycles = np.unique(data.rows.blocks.cycle)
     cycle, own = (
@@ -207,12 +208,15 @@ def plan(fit: StageFit, causes: tuple[NamedCause, ...]) -> Experiment | None:
         return None
     swapped, name, other = max(swaps, key=lambda one: fit.found.expansion.rated(one[0]))
     tried = {
-        pair: _significance(fit, fit.found.fit(swapped), *pair) for pair in product(TRIED, TRIED)
+        pair: _significance(fit, fit.found.fit(swapped), *pair)
+        for pair in product(SCALES_TRIED, SCALES_TRIED)
     }
     motion, load = max(tried, key=lambda pair: tried[pair])
     path = data.laws[name].paths[0]
     rows = data.fitted.some(data.fitted.path == path)
-    top, pull = (float(np.quantile(np.abs(x), TOP)) if x.size else math.nan for x in rows.axes.T)
+    top, pull = (
+        float(np.quantile(np.abs(x), TOP_OF_RUN)) if x.size else math.nan for x in rows.axes.T
+    )
     z, axes = tried[motion, load], data.axes[path]
     return Experiment("scaled", motion * top, (name, other), z, force=load * pull, axes=axes)
 
@@ -226,25 +230,25 @@ def _significance(fit: StageFit, other: Fit, motion: float, load: float) -> floa
     motion, load : multiples of those of the campaign [1]
     """
     best, data = fit.found.best, fit.data
-    factors = np.array([_factor(one.law, one.channel, motion, load) for one in data.laws.values()])
+    factors = np.array([_factor(one, motion, load) for one in data.laws.values()])
     planned = fit.rows[:, : factors.size] * factors
-    j = planned[:, fit.own(other)]
-    z = planned[:, fit.own(best)] @ best.x - j @ other.x
+    j = planned[:, fit.columns_of(other)]
+    z = planned[:, fit.columns_of(best)] @ best.x - j @ other.x
     pull, precision = j.T @ z, np.linalg.pinv(fit.covariance(other), hermitian=True)
     return math.sqrt(
         max(float(z @ z - pull @ np.linalg.pinv(j.T @ j + precision, hermitian=True) @ pull), 0.0)
     )
 
 
-def _factor(law: StageLaw, channel: str, motion: float, load: float) -> float:
+def _factor(suspected: Suspected, motion: float, load: float) -> float:
     """Multiple of the power of a law where motion and load are multiples of those of the
     campaign.
     """
+    law = suspected.law
     if law.kind == "gain":
         return motion * load
     if law.kind == "zero":
-        grows = MOTIONS.get(SIGNALS.get(channel, channel), 0)
-        return load if grows else motion
+        return load if suspected.of_motion else motion
     powers = {name: (2 if law.kind == "store" else power) for name, power in law.over.items()}
     scales = {"power": motion * load} | {
         name: motion if grows else load for name, grows in MOTIONS.items()

@@ -30,7 +30,7 @@ from winchcascade.diagnosis.fit.search import (
     neighbours,
 )
 from winchcascade.diagnosis.fit.suspects import freedom
-from winchcascade.diagnosis.judge.causes import posterior_of
+from winchcascade.diagnosis.judge.causes import posterior_of, probabilities
 from winchcascade.diagnosis.stages.stage_rows import PARTS_OF_RUN
 from winchcascade.diagnosis.verdict_limits import LAW, RARER
 
@@ -47,27 +47,27 @@ TOGETHER = 2
 """Blocks that make one row of the fit, about a second: the velocity of single ones is known too
 badly for the inertia."""
 
-FEW = 4.0
+CYCLES_OF_PHASES = 4.0
 """Number of cycles as which the variance within the phases counts in that of the means, where there
 are few cycles."""
 
 FOLDS = 10
 """Minimum number of folds: fewer cycles are cut into about as many pieces in order of time."""
 
-QUIET = 1e-8
+VARIANCE_MIN = 1e-8
 """Minimum variance in mean squares of the power: logs are written with some four digits. [1]"""
 
 ROUNDS = 4
 """Rounds of fit and residual in which the variances settle."""
 
-DEPENDENT = 1e-10
+DIRECTION_MIN = 1e-10
 """Share of the largest direction of scaled columns below which a direction is none. [1]"""
 
-SHAPE = 0.05
+LAW_BESIDE_MODEL = 0.05
 """Share of the gap that the best law of one number misses beside a model: that whose exponent is a
 quarter off, as windage is between square and cube, misses 0.056 of a square. [1]"""
 
-EVERY = 10
+SUSPECTS_OF_EVERY_SET = 10
 """Number of suspects up to which every set of them is weighed; of more, those that the search finds
 near the best."""
 
@@ -119,12 +119,11 @@ def noise_of(data: StageData, rows: StageRows) -> StageNoise:
     precision = np.where(np.arange(plain.size) < len(data.names), 0.0, 1.0)[plain]
     values, fold, kind, of_mean = _split(rows, paths)
     columns = values[:, :-1][:, plain]
-    floor = (
-        QUIET * np.bincount(rows.kind, rows.given**2 + rows.gap**2, paths * len(PARTS_OF_RUN))
-        + 1e-300
-    )
-    floor /= np.maximum(np.bincount(rows.kind, minlength=floor.size), 1)
-    variance = np.tile(np.maximum(floor / QUIET, 1e-300)[:, None], 2)
+    kinds = paths * len(PARTS_OF_RUN)
+    blocks = np.bincount(rows.kind, minlength=kinds)
+    floor = VARIANCE_MIN * np.bincount(rows.kind, rows.given**2 + rows.gap**2, kinds) + 1e-300
+    floor /= np.maximum(blocks, 1)
+    variance = np.tile(np.maximum(floor / VARIANCE_MIN, 1e-300)[:, None], 2)
     for _ in range(ROUNDS):
         noise = np.sqrt(variance[kind, of_mean])
         weighted = columns / noise[:, None]
@@ -136,7 +135,9 @@ def noise_of(data: StageData, rows: StageRows) -> StageNoise:
             np.add.at(sums, (kind, of_mean), x)
         free = np.maximum(count[:, 0] - 2.0 * count[:, 1], 1.0)  # each half has its own mean
         variance[:, 0] = np.maximum(squares[:, 0] / free, floor)
-        means = (squares[:, 1] + FEW * variance[:, 0]) / (count[:, 1] + FEW)
+        means = (squares[:, 1] + CYCLES_OF_PHASES * variance[:, 0]) / (
+            count[:, 1] + CYCLES_OF_PHASES
+        )
         alone = squares[:, 1] / np.maximum(count[:, 1] - fitted[:, 1] - 2.0, 1.0)
         means = np.where(
             count[:, 0] > 2.0 * count[:, 1], means, alone
@@ -144,16 +145,11 @@ def noise_of(data: StageData, rows: StageRows) -> StageNoise:
         variance[:, 1] = np.maximum(means, variance[:, 0])
     # no law is exact: what it misses of the gap lasts, and so counts in a mean as often as this has
     # rows
-    missed = (
-        (SHAPE if data.beside_model else LAW) ** 2
-        * np.bincount(rows.kind, rows.gap**2, floor.size)
-        / np.maximum(np.bincount(rows.kind, minlength=floor.size), 1)
-    )
-    folds = np.array(
-        [np.unique(fold[(kind == k) & (of_mean == 1)]).size for k in range(floor.size)]
-    )
-    lasting = np.bincount(rows.kind, minlength=floor.size) / np.maximum(folds, 1)
-    variance += missed[:, None] * np.column_stack([np.full(floor.size, float(TOGETHER)), lasting])
+    law = LAW_BESIDE_MODEL if data.beside_model else LAW
+    missed = law**2 * np.bincount(rows.kind, rows.gap**2, kinds) / np.maximum(blocks, 1)
+    folds = np.array([np.unique(fold[(kind == k) & (of_mean == 1)]).size for k in range(kinds)])
+    lasting = blocks / np.maximum(folds, 1)
+    variance += missed[:, None] * np.column_stack([np.full(kinds, float(TOGETHER)), lasting])
     return StageNoise(values, fold, kind, of_mean, variance)
 
 
@@ -255,13 +251,13 @@ class StageFit(msgspec.Struct, frozen=True):
     found: Found
     probability: dict[Names, float]
 
-    def own(self, fit: Fit) -> list[int]:
+    def columns_of(self, fit: Fit) -> list[int]:
         """Columns of the suspects of a fit, in their order."""
         return [self.data.names.index(name) for name in fit.names]
 
     def power(self, rows: StageRows, fit: Fit) -> Signal:
         """What the numbers of a fit add to the power that comes out, (m,). [W]"""
-        found: Signal = rows.columns[:, self.own(fit)] @ fit.x
+        found: Signal = rows.columns[:, self.columns_of(fit)] @ fit.x
         return found
 
     def covariance(self, fit: Fit) -> Signal:
@@ -276,7 +272,7 @@ class StageFit(msgspec.Struct, frozen=True):
         """
         rows, own, size, groups = (
             self.data.judged,
-            self.own(fit),
+            self.columns_of(fit),
             fit.x.size,
             self.found.problem.groups,
         )
@@ -310,11 +306,8 @@ def fit_of(data: StageData) -> StageFit:
     problem = StageProblem(data.suspects, rows, noise.fold, frozenset(known))
     found = linear_search(problem, pruned=not data.beside_model)
     sets = _sets(data.names, found)
-    evidence = np.array([found.expansion.rated(names) for names in sets])
-    odds = np.exp(evidence - evidence.max())
-    return StageFit(
-        data, noise, rows, found, dict(zip(sets, (odds / odds.sum()).tolist(), strict=True))
-    )
+    evidence = {names: found.expansion.rated(names) for names in sets}
+    return StageFit(data, noise, rows, found, probabilities(evidence))
 
 
 def linear_search(problem: StageProblem, *, pruned: bool = True) -> Found:
@@ -330,7 +323,6 @@ def linear_search(problem: StageProblem, *, pruned: bool = True) -> Found:
         marginal_about(problem, [], np.zeros(problem.nuisances)),
         tuple(sorted(problem.suspects)),
     )
-    null = fit_set(problem, marginal, ())
     full, expansion = expand(
         problem, marginal, every, _least_squares(problem, marginal, every), 1.0
     )
@@ -349,7 +341,8 @@ def linear_search(problem: StageProblem, *, pruned: bool = True) -> Found:
             break
         best = further
     centre = Centre(fit, expansion, marginal)
-    return Found(fit, null, {(): null, fit.names: fit}, expansion, marginal, {fit.names: centre})
+    fits = {(): fit_set(problem, marginal, ()), fit.names: fit}
+    return Found(fit, fits, expansion, marginal, {fit.names: centre})
 
 
 def most_probable(fit: StageFit) -> StageFit:
@@ -397,7 +390,7 @@ def _climbed(expansion: Expansion, names: Names) -> Names:
 
 def _sets(names: Sequence[str], found: Found) -> list[Names]:
     """Every set of a few suspects; of many, the sets near the best one and all that were fitted."""
-    if len(names) <= EVERY:
+    if len(names) <= SUSPECTS_OF_EVERY_SET:
         return [
             tuple(sorted(one))
             for size in range(len(names) + 1)
@@ -420,7 +413,9 @@ def independent(columns: Signal, precision: Signal) -> Signal:
     size = np.where(size > 0.0, size, 1.0)
     scaled = columns / size
     square = scaled.T @ scaled + np.diag(precision / size**2)
-    inverse: Signal = np.linalg.pinv(square, rcond=DEPENDENT, hermitian=True) / np.outer(size, size)
+    inverse: Signal = np.linalg.pinv(square, rcond=DIRECTION_MIN, hermitian=True) / np.outer(
+        size, size
+    )
     return inverse
 
 

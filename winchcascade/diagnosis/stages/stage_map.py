@@ -13,13 +13,16 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.errors import LogError, RigError
+from winchcascade.core.integrate import rms
 from winchcascade.core.run import Mask, Signal
-from winchcascade.diagnosis.diagnosis_result import Entries, Reported
+from winchcascade.diagnosis.campaign_entries import Entries
+from winchcascade.diagnosis.diagnosis_result import Reported
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.stages.stage_causes import stage_causes
 from winchcascade.diagnosis.stages.stage_fit import StageFit, fit_of, most_probable
-from winchcascade.diagnosis.stages.stage_laws import StagePath, StageSignals, paths_of
-from winchcascade.diagnosis.stages.stage_rows import StageData, stage_data
+from winchcascade.diagnosis.stages.stage_rows import StageData
+from winchcascade.diagnosis.stages.stage_samples import stage_data
+from winchcascade.diagnosis.stages.stage_signals import StagePath, StageSignals, paths_of
 from winchcascade.rig.effects.catalogue import EFFECTS
 
 if TYPE_CHECKING:
@@ -61,7 +64,6 @@ class LossMap(msgspec.Struct, frozen=True):
         [s] of each point
     held_out : root mean square of measured minus predicted loss of points that took no part in the
         fit [W]
-    energy : lost in all points together [J]
     """
 
     fit: StageFit
@@ -76,7 +78,6 @@ class LossMap(msgspec.Struct, frozen=True):
     hull: Signal
     points: Signal
     held_out: float
-    energy: float
 
     @property
     def data(self) -> StageData:
@@ -87,6 +88,11 @@ class LossMap(msgspec.Struct, frozen=True):
     def lost(self) -> Signal:
         """Power that is lost at each point, (p,). [W]"""
         return np.asarray(self.points[:, 2] - self.points[:, 3] - self.points[:, 4])
+
+    @property
+    def energy(self) -> float:
+        """Energy that is lost in all points together. [J]"""
+        return float(self.lost @ self.points[:, 5])
 
 
 def mapped_path(runs: Sequence[Run], rig: Rig) -> StagePath:
@@ -145,7 +151,6 @@ def make_loss_map(runs: Sequence[Run], rig: Rig) -> LossMap:
     stored = -rows.columns[:, stores] @ numbers[stores]
     powers = rows.given - rows.columns @ stated, rows.given + rows.gap, stored
     points = np.column_stack([places, *powers, rows.width])[moves]
-    lost = points[:, 2] - points[:, 3] - points[:, 4]
     return LossMap(
         fit=fit,
         path=path,
@@ -158,8 +163,7 @@ def make_loss_map(runs: Sequence[Run], rig: Rig) -> LossMap:
         inside=inside,
         hull=hull,
         points=points,
-        held_out=float(np.sqrt(np.mean(fit.residual(best) ** 2))),
-        energy=float(lost @ points[:, 5]),
+        held_out=rms(fit.residual(best)),
     )
 
 
@@ -203,17 +207,18 @@ def _surface(fit: StageFit, grid: Signal) -> tuple[Signal, Signal]:
             slopes[:, k] = -one.column(law.law)
     shape = (*grid.shape[:-1], len(best.names))
     return (slopes @ data.numbers(best.names, best.x)).reshape(shape[:-1]), slopes[
-        :, fit.own(best)
+        :, fit.columns_of(best)
     ].reshape(shape)
 
 
 def convex_hull(points: Signal, places: Signal) -> tuple[Signal, Mask]:
-    """Corners of the convex hull of points, (k, 2), anticlockwise from the least x, and whether
+    """Corners of the convex hull of points, (k, 2), anticlockwise from the minimum x, and whether
     places, (..., 2), lie in it.
 
     Of points on a line the corners are the two ends, and no place lies in it.
 
-    >>> square, inside = convex_hull(np.array([[0.0, 0.0], [2, 0], [1, 2], [1, 0.5]]), np.array([[1.0, 1.0], [0.0, 2.0]]))
+    >>> points = np.array([[0.0, 0.0], [2, 0], [1, 2], [1, 0.5]])
+    >>> square, inside = convex_hull(points, np.array([[1.0, 1.0], [0.0, 2.0]]))
     >>> square.tolist(), inside.tolist()
     ([[0.0, 0.0], [2.0, 0.0], [1.0, 2.0]], [True, False])
     """

@@ -93,7 +93,9 @@ def lasting_heat(order: RunOrder, time_constant: float, by_current: float) -> fl
     ----------
     time_constant, by_current : as for `warming`
 
-    >>> lasting_heat(RunOrder((0.0, 1.0, 2.0), (1.0, 1.0, 1.0)), 1e-2, 1.0)  # all that a run brings is gone by the next
+    All that a run brings is gone by the next one:
+
+    >>> lasting_heat(RunOrder((0.0, 1.0, 2.0), (1.0, 1.0, 1.0)), 1e-2, 1.0)
     1.0
     """
     lasting = 0.5 + 1.0 / math.expm1(1.0 / time_constant)
