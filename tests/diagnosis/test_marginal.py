@@ -67,7 +67,11 @@ class Linear:
         return DENSE + LOCAL
 
     def residuals(
-        self, several: Sequence[Sequence[ActiveEffect]], nu: Signal, _near: object = None
+        self,
+        several: Sequence[Sequence[ActiveEffect]],
+        nu: Signal,
+        _near: object = None,
+        _serves: float = 0.0,
     ) -> Signal:
         x = np.zeros((self.truth.size, len(several)))
         for column, effects in enumerate(several):
@@ -76,7 +80,9 @@ class Linear:
                 x[k : k + len(one.values), column] = one.values
         return (self.measured - self.moves @ nu)[:, None] - self.ways @ x
 
-    def nuisance_columns(self, effects: Sequence[ActiveEffect], nu: Signal) -> Columns:
+    def nuisance_columns(
+        self, effects: Sequence[ActiveEffect], nu: Signal, _serves: float
+    ) -> Columns:
         assert len(effects) <= len(NAMES)
         assert nu.size == DENSE + LOCAL
         return self.moves

@@ -83,7 +83,11 @@ class Hidden:
         return 0
 
     def residuals(
-        self, several: Sequence[Sequence[ActiveEffect]], _nu: Signal, _near: object = None
+        self,
+        several: Sequence[Sequence[ActiveEffect]],
+        _nu: Signal,
+        _near: object = None,
+        _serves: float = 0.0,
     ) -> Signal:
         z = np.empty((ROWS, len(several)))
         for column, effects in enumerate(several):
@@ -92,7 +96,9 @@ class Hidden:
             z[:, column] = self.measured - self.ways @ self.shape(x)
         return z
 
-    def nuisance_columns(self, _effects: Sequence[ActiveEffect], _nu: Signal) -> Columns:
+    def nuisance_columns(
+        self, _effects: Sequence[ActiveEffect], _nu: Signal, _serves: float
+    ) -> Columns:
         return Columns(np.zeros((ROWS, 0)), csr_array((ROWS, 0)))
 
 
@@ -179,9 +185,10 @@ class Weighed(RigProblem, frozen=True, kw_only=True):
         several: Sequence[Sequence[ActiveEffect]],
         nu: Signal,
         near: Sequence[ActiveEffect] | None = None,
+        serves: float = 0.0,
     ) -> Signal:
         """Residuals times their weights, (M * 5, k)."""
-        z = RigProblem(self.data, self.suspects).residuals(several, nu, near)
+        z = RigProblem(self.data, self.suspects).residuals(several, nu, near, serves)
         return z * self.rows[:, None]
 
 
@@ -307,7 +314,11 @@ class Breaking(Hidden):
     """The first suspect cannot be simulated at all, and neither can the first of two nuisances."""
 
     def residuals(
-        self, several: Sequence[Sequence[ActiveEffect]], _nu: Signal, _near: object = None
+        self,
+        several: Sequence[Sequence[ActiveEffect]],
+        _nu: Signal,
+        _near: object = None,
+        _serves: float = 0.0,
     ) -> Signal:
         z = super().residuals(several, _nu)
         breaks = [
@@ -320,7 +331,9 @@ class Breaking(Hidden):
     def nuisances(self) -> int:
         return 2
 
-    def nuisance_columns(self, _effects: Sequence[ActiveEffect], _nu: Signal) -> Columns:
+    def nuisance_columns(
+        self, _effects: Sequence[ActiveEffect], _nu: Signal, _serves: float
+    ) -> Columns:
         dense = np.random.default_rng(2).normal(size=(ROWS, 2))
         dense[:, 0] *= 1e200
         dense[7, 0] = np.nan
@@ -329,7 +342,7 @@ class Breaking(Hidden):
 
 def test_a_number_with_which_nothing_can_be_simulated_moves_nothing() -> None:
     problem = Breaking()
-    marginal = Marginal(np.zeros(2), problem.nuisance_columns([], np.zeros(2)))
+    marginal = Marginal(np.zeros(2), problem.nuisance_columns([], np.zeros(2), 0.0))
     assert np.isfinite(marginal(problem.measured)).all()
     assert marginal.spread[0].tolist() == [1.0, 0.0]
     found = search(problem)

@@ -29,7 +29,7 @@ from winchcascade.diagnosis.fit.fitted_log import (
     with_channels_of,
 )
 from winchcascade.diagnosis.fit.marginal import Columns
-from winchcascade.diagnosis.fit.nearby import Nearby
+from winchcascade.diagnosis.fit.nearby import SERVES, Nearby
 from winchcascade.diagnosis.fit.nuisances import COURSES, LOAD, Nuisance, nuisances
 from winchcascade.diagnosis.fit.predict import ALL_KEPT, CHANNELS, MAX_KEPT
 from winchcascade.rig.baseline import baseline, stated_effects
@@ -56,15 +56,9 @@ ZERO_REACH = 3.0
 """Bound of a zero, in its standard uncertainties; more is a gap. [1]"""
 
 
-PLACES = 16
+PLACES = 4
 """Number of places of which the derivatives are kept: the first, at which nothing acts, and the
 newest; a search returns to few."""
-
-
-SERVES = 0.2
-"""Derivatives of another place serve for uncertainties if they miss no more than this share of the
-way from there. [1]
-"""
 
 
 class Fitted:
@@ -286,8 +280,8 @@ class Fitted:
     def nearby(self, place: Variant) -> Nearby:
         """A place and the derivatives that serve there; the newest `PLACES` are kept.
 
-        Nothing acts there that does not act where they were taken: what the cooling of a gas moves
-        depends on whether it heats.
+        Where more acts than where they were taken, what moves nothing there does not serve: what
+        the cooling of a gas moves depends on whether it heats.
         """
         nu, effects = place
         acting = {one.effect.name: one.values for one in effects}
@@ -298,14 +292,9 @@ class Fitted:
             found = Nearby(
                 courses, self.models(nu, effects), self.skew(nu), self.predict(nu, effects)
             )
-            missed = {
-                one: self._missed(known, found)
-                for one, known in self._places.items()
-                if acting.keys() <= dict(one[1]).keys()
-            }
-            nearest = min(missed, key=missed.__getitem__, default=key)
-            if missed.get(nearest, math.inf) < math.inf:
-                found.take(self._places[nearest], missed[nearest])
+            for (_, others), known in self._places.items():
+                if (missed := self._missed(known, found)) < math.inf:
+                    found.take(known, missed, inert=acting.keys() <= dict(others).keys())
         self._places.setdefault(key, found)
         while len(self._places) > PLACES:
             del self._places[[*self._places][1]]

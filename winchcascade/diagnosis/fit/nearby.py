@@ -26,6 +26,12 @@ if TYPE_CHECKING:
     from winchcascade.rig.parts import Model
 
 
+CLOSELY, ROUGHLY, SERVES = 0.05, 0.1, 0.2
+"""Share of the way from another place that its derivatives may miss to serve for a fit, about as
+much as one by a finite step; on the way to a better fit; and for uncertainties. [1]
+"""
+
+
 ROUNDING = 1e-9
 """Share of what cancels that remains of a change by rounding. [1]"""
 
@@ -57,19 +63,25 @@ class Nearby:
         self._true = [self._predicted(k, model, None) for k, model in enumerate(true)]
         self._slopes: list[dict[str, Slope]] = [{} for _ in courses]
 
-    def take(self, known: Nearby, missed: float) -> None:
-        """Use the derivatives of another place too, which miss a share of the way from there.
+    def take(self, known: Nearby, missed: float, *, inert: bool) -> None:
+        """Use the derivatives of another place, which miss a share of the way from there, where
+        none that is known misses less.
 
         Those that move nothing in a log but something in another one miss nothing: no current
         reaches a roll-off in open circuit.
+
+        Parameters
+        ----------
+        inert : whether those serve, too, that move nothing in any log
         """
         moving = {n for own in known._slopes for n, one in own.items() if one.moves.any()}
-
-        def served(number: str, one: Slope) -> Slope:
-            inert = number in moving and not one.moves.any()
-            return one._replace(missed=0.0 if inert else one.missed + missed)
-
-        self._slopes = [{n: served(n, one) for n, one in own.items()} for own in known._slopes]
+        for own, there in zip(self._slopes, known._slopes, strict=True):
+            for number, one in there.items():
+                still = number in moving and not one.moves.any()
+                least = 0.0 if still else one.missed + missed
+                better = number not in own or least < own[number].missed
+                if better and (inert or number in moving):
+                    own[number] = one._replace(missed=least)
 
     def _predicted(self, k: int, model: Model, skew: Signal | None) -> Signal:
         return self._courses[k].predict(model, skew=skew)

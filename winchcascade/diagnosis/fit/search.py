@@ -13,6 +13,7 @@ import numpy as np
 from winchcascade.diagnosis.fit.evidence import Evidence, Fit, minimum_within, prior_of
 from winchcascade.diagnosis.fit.fit_set import WORTHWHILE, begun, columns_of, fit_set, located
 from winchcascade.diagnosis.fit.marginal import Marginal, Problem, huber, weights
+from winchcascade.diagnosis.fit.nearby import CLOSELY, ROUGHLY, SERVES
 from winchcascade.diagnosis.fit.suspects import Freedom, freedom, places_of, with_values
 from winchcascade.diagnosis.verdict_limits import CLEARLY, REACH
 
@@ -132,7 +133,12 @@ class Expansion(msgspec.Struct, frozen=True):
 
 
 def expand(
-    problem: Problem, marginal: Marginal, names: Names, start: Mapping[str, Signal], scale: float
+    problem: Problem,
+    marginal: Marginal,
+    names: Names,
+    start: Mapping[str, Signal],
+    scale: float,
+    serves: float = CLOSELY,
 ) -> tuple[Fit, Expansion]:
     """Fit a set, and expand the objective about it in the fields of every suspect.
 
@@ -140,14 +146,16 @@ def expand(
     ----------
     start : fields to begin from by suspect, near which the derivatives are taken
     scale : square by which the noise exceeds its estimate
+    serves : share of the way from another place that its derivatives may miss [1]
     """
     suspects, effects = problem.suspects, tuple(problem.suspects)
     place, free = places_of(suspects, effects), freedom(*suspects.values())
-    columns = columns_of(
-        problem, marginal, located(problem, marginal, names, begun(suspects, names, start)), effects
-    )
+    begin = located(problem, marginal, names, begun(suspects, names, start))
+    columns = columns_of(problem, marginal, begin, effects, serves)
     own = [k for name in names for k in range(free.absent.size)[place[name]]]
-    fit, value = fit_set(problem, marginal, names, start, columns[:, own]), free.absent.copy()
+    exact_below = math.inf if serves <= CLOSELY else -math.inf
+    fit = fit_set(problem, marginal, names, start, columns[:, own], exact_below)
+    value = free.absent.copy()
     value[own] = fit.x
     acting = dict(zip(names, fit.effects(suspects), strict=True))
     without = [[one for other, one in acting.items() if other != name] for name in names]
@@ -180,11 +188,14 @@ def neighbours(expansion: Expansion, names: Names) -> list[Names]:
 
 
 class Centre(msgspec.Struct, frozen=True):
-    """A fit about which the objective is expanded, and the nuisances are integrated out."""
+    """A fit about which the objective is expanded, and the nuisances are integrated out, by
+    derivatives that miss a share `serves` of the way from another place at most [1].
+    """
 
     fit: Fit
     expansion: Expansion
     marginal: Marginal
+    serves: float = CLOSELY
 
     def moved_to(self, fit: Fit, evidence: Evidence) -> Expansion:
         """From where nothing acts to about a single suspect: with the derivatives from here,
@@ -242,7 +253,7 @@ class Found(msgspec.Struct, frozen=True):
         """
         if fit is self.best:
             return self.expansion.over(fit.names)
-        return columns_of(self.problem, self.marginal, fit, fit.names)
+        return columns_of(self.problem, self.marginal, fit, fit.names, SERVES)
 
     def fit(self, names: Names, start: Mapping[str, Signal] | None = None) -> Fit:
         """The fit of a set, begun from the best one where the search made none, or one that is
@@ -282,19 +293,26 @@ class Found(msgspec.Struct, frozen=True):
         found = [fit for names, fit in self.fits.items() if len(names) == 1]
         return sorted(found, key=weighing(self).of, reverse=True)[:SINGLES]
 
-    def about(self, fit: Fit) -> Centre:
+    def about(self, fit: Fit, serves: float = CLOSELY) -> Centre:
         """The expansion of the objective about a fit, which replaces older fits of its set; made
         anew, `ANEW` times at most, as long as the nuisances move by more than `NEAR_ZERO`.
+
+        Parameters
+        ----------
+        serves : share of the way from another place that its derivatives may miss [1]
         """
+        problem = self.problem
         for _ in range(ANEW):
-            marginal = marginal_about(self.problem, fit.effects(self.problem.suspects), fit.nu)
+            marginal = marginal_about(problem, fit.effects(problem.suspects), fit.nu, serves)
             there, expansion = expand(
-                self.problem, marginal, fit.names, start_of(fit), weighing(self).scale
+                problem, marginal, fit.names, start_of(fit), weighing(self).scale, serves
             )
-            if np.max(np.abs(there.nu - fit.nu), initial=0.0) <= NEAR_ZERO:
+            moved = np.clip(there.nu, -REACH, REACH) - marginal.place
+            if serves > CLOSELY or np.max(np.abs(moved), initial=0.0) <= NEAR_ZERO:
                 break
             fit = there
-        self.fits[fit.names], self.centres[fit.names] = there, Centre(there, expansion, marginal)
+        self.fits[fit.names] = there
+        self.centres[fit.names] = Centre(there, expansion, marginal, serves)
         return self.centres[fit.names]
 
     def led_by(self, names: Names) -> Found:
@@ -311,12 +329,14 @@ def start_of(fit: Fit) -> dict[str, Signal]:
     return {name: fit.x[own] for name, own in fit.place.items()}
 
 
-def marginal_about(problem: Problem, effects: Sequence[ActiveEffect], nu: Signal) -> Marginal:
+def marginal_about(
+    problem: Problem, effects: Sequence[ActiveEffect], nu: Signal, serves: float = CLOSELY
+) -> Marginal:
     """The nuisances of a problem integrated out about some effects and nuisances, these within
-    `REACH`.
+    `REACH`, by derivatives as for `expand`.
     """
     place = np.clip(nu, -REACH, REACH)
-    return Marginal(place, problem.nuisance_columns(effects, place))
+    return Marginal(place, problem.nuisance_columns(effects, place, serves))
 
 
 def search(
@@ -340,15 +360,14 @@ def search(
     found = Found(
         null, null, {(): null}, expansion, marginal, {(): Centre(null, expansion, marginal)}
     )
-    _go(
-        found,
-        found.about(start) if start is not None and start.names else found.centres[()],
-        on_progress,
-    )
+    begin = found.centres[()]
+    if start is not None and start.names:
+        begin = found.about(start, ROUGHLY)
+    _go(found, begin, on_progress)
     found = gone_on(found, on_progress)
     for fit in _single_starts(found):
         if fit.names not in found.centres:
-            _go(found, found.about(fit), on_progress)
+            _go(found, found.about(fit, ROUGHLY), on_progress)
     return _settled(gone_on(found, on_progress), on_progress)
 
 
@@ -367,10 +386,10 @@ def _settled(found: Found, on_progress: Callable[[str], None]) -> Found:
 
 def gone_on(found: Found, on_progress: Callable[[str], None] = lambda _: None) -> Found:
     """A search led by its best set, and gone on from each set with more evidence that was fitted
-    and not yet expanded about.
+    and not yet closely expanded about.
     """
-    while (top := max(found.sets().values(), key=weighing(found).worth)).names not in found.centres:
-        if _is_hopeless(top):
+    while not _is_hopeless(top := max(found.sets().values(), key=weighing(found).worth)):
+        if top.names in found.centres and found.centres[top.names].serves <= CLOSELY:
             break
         _go(found, found.about(top), on_progress)
     expanded = (fit for names, fit in found.sets().items() if names in found.centres)
@@ -412,7 +431,7 @@ def _go(found: Found, last: Centre, on_progress: Callable[[str], None]) -> None:
         top = max((last.fit, *(fits[names] for names in near)), key=evidence.worth)
         if top.names in found.centres:
             return
-        last = found.about(top)
+        last = found.about(top, ROUGHLY)
 
 
 def _is_more(evidence: Evidence, fit: Fit, other: Fit) -> bool:

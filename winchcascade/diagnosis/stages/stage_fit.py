@@ -229,6 +229,7 @@ class StageProblem(msgspec.Struct, frozen=True):
         several: Sequence[Sequence[ActiveEffect]],
         nu: Signal,
         _near: Sequence[ActiveEffect] | None = None,
+        _serves: float = 0.0,
     ) -> Signal:
         """Measured minus predicted coefficients of several sets of effects, (n, sets)."""
         names = list(self.suspects)
@@ -239,7 +240,9 @@ class StageProblem(msgspec.Struct, frozen=True):
             found[:, k] -= self.rows[:, own] @ np.array([one.values[0] for one in effects])
         return found
 
-    def nuisance_columns(self, _effects: Sequence[ActiveEffect], _nu: Signal) -> Columns:
+    def nuisance_columns(
+        self, _effects: Sequence[ActiveEffect], _nu: Signal, _serves: float
+    ) -> Columns:
         """Those of the rows."""
         return Columns(self.rows[:, len(self.suspects) : -1], csr_array((len(self.rows), 0)))
 
