@@ -16,9 +16,10 @@ from scipy.stats import multivariate_normal, truncnorm
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.fit.covariance import covariance_of
 from winchcascade.diagnosis.fit.evidence import Fit, minimum_within
+from winchcascade.diagnosis.fit.expansion import expand, marginal_about
 from winchcascade.diagnosis.fit.fit_set import fit_set, located
 from winchcascade.diagnosis.fit.marginal import Columns, Marginal, Together, huber
-from winchcascade.diagnosis.fit.search import Found, expand, marginal_about, search
+from winchcascade.diagnosis.fit.search import Found, search
 from winchcascade.diagnosis.fit.suspects import Suspects, freedom
 from winchcascade.diagnosis.judge.causes import Posterior, parameters_of, posterior_of
 from winchcascade.rig.effects.catalogue import EFFECTS

@@ -19,11 +19,12 @@ from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnose import diagnose, judged
 from winchcascade.diagnosis.fit.covariance import square_beyond
 from winchcascade.diagnosis.fit.evidence import Evidence, log_mass, minimum_within
+from winchcascade.diagnosis.fit.expansion import marginal_about
 from winchcascade.diagnosis.fit.fit_set import fit_set
 from winchcascade.diagnosis.fit.marginal import WILD, Columns, Marginal, Together
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.rig_problem import RigProblem
-from winchcascade.diagnosis.fit.search import Found, gone_on, marginal_about, search
+from winchcascade.diagnosis.fit.search import Found, gone_on, search
 from winchcascade.diagnosis.fit.suspects import Suspects, freedom
 from winchcascade.diagnosis.judge.alarms import improbable
 from winchcascade.diagnosis.judge.causes import Posterior, parameters_of, posterior_of

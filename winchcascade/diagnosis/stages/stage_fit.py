@@ -19,16 +19,16 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from winchcascade.diagnosis.fit.evidence import Evidence, Fit, minimum_within
-from winchcascade.diagnosis.fit.fit_set import fit_set
-from winchcascade.diagnosis.fit.marginal import Columns, Marginal, Together, weights
-from winchcascade.diagnosis.fit.search import (
+from winchcascade.diagnosis.fit.expansion import (
     Centre,
     Expansion,
-    Found,
     expand,
     marginal_about,
     neighbours,
 )
+from winchcascade.diagnosis.fit.fit_set import fit_set
+from winchcascade.diagnosis.fit.marginal import Columns, Marginal, Together, weights
+from winchcascade.diagnosis.fit.search import Found
 from winchcascade.diagnosis.fit.suspects import freedom
 from winchcascade.diagnosis.judge.causes import posterior_of
 from winchcascade.diagnosis.stages.stage_rows import PARTS_OF_RUN
