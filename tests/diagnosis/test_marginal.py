@@ -16,9 +16,10 @@ from scipy.stats import multivariate_normal, truncnorm
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.fit.covariance import covariance_of
 from winchcascade.diagnosis.fit.evidence import Fit, minimum_within
+from winchcascade.diagnosis.fit.expansion import expand, marginal_about
 from winchcascade.diagnosis.fit.fit_set import fit_set, located
 from winchcascade.diagnosis.fit.marginal import Columns, Marginal, Together, huber
-from winchcascade.diagnosis.fit.search import Found, expand, marginal_about, search
+from winchcascade.diagnosis.fit.search import Found, search
 from winchcascade.diagnosis.fit.suspects import Suspects, freedom
 from winchcascade.diagnosis.judge.causes import Posterior, parameters_of, posterior_of
 from winchcascade.rig.effects.catalogue import EFFECTS
@@ -67,7 +68,11 @@ class Linear:
         return DENSE + LOCAL
 
     def residuals(
-        self, several: Sequence[Sequence[ActiveEffect]], nu: Signal, _near: object = None
+        self,
+        several: Sequence[Sequence[ActiveEffect]],
+        nu: Signal,
+        _near: object = None,
+        _serves: float = 0.0,
     ) -> Signal:
         x = np.zeros((self.truth.size, len(several)))
         for column, effects in enumerate(several):
@@ -76,7 +81,9 @@ class Linear:
                 x[k : k + len(one.values), column] = one.values
         return (self.measured - self.moves @ nu)[:, None] - self.ways @ x
 
-    def nuisance_columns(self, effects: Sequence[ActiveEffect], nu: Signal) -> Columns:
+    def nuisance_columns(
+        self, effects: Sequence[ActiveEffect], nu: Signal, _serves: float
+    ) -> Columns:
         assert len(effects) <= len(NAMES)
         assert nu.size == DENSE + LOCAL
         return self.moves

@@ -19,11 +19,12 @@ from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnose import diagnose, judged
 from winchcascade.diagnosis.fit.covariance import square_beyond
 from winchcascade.diagnosis.fit.evidence import Evidence, log_mass, minimum_within
+from winchcascade.diagnosis.fit.expansion import marginal_about
 from winchcascade.diagnosis.fit.fit_set import fit_set
 from winchcascade.diagnosis.fit.marginal import WILD, Columns, Marginal, Together
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.rig_problem import RigProblem
-from winchcascade.diagnosis.fit.search import Found, gone_on, marginal_about, search
+from winchcascade.diagnosis.fit.search import Found, gone_on, search
 from winchcascade.diagnosis.fit.suspects import Suspects, freedom
 from winchcascade.diagnosis.judge.alarms import improbable
 from winchcascade.diagnosis.judge.causes import Posterior, parameters_of, posterior_of
@@ -83,7 +84,11 @@ class Hidden:
         return 0
 
     def residuals(
-        self, several: Sequence[Sequence[ActiveEffect]], _nu: Signal, _near: object = None
+        self,
+        several: Sequence[Sequence[ActiveEffect]],
+        _nu: Signal,
+        _near: object = None,
+        _serves: float = 0.0,
     ) -> Signal:
         z = np.empty((ROWS, len(several)))
         for column, effects in enumerate(several):
@@ -92,7 +97,9 @@ class Hidden:
             z[:, column] = self.measured - self.ways @ self.shape(x)
         return z
 
-    def nuisance_columns(self, _effects: Sequence[ActiveEffect], _nu: Signal) -> Columns:
+    def nuisance_columns(
+        self, _effects: Sequence[ActiveEffect], _nu: Signal, _serves: float
+    ) -> Columns:
         return Columns(np.zeros((ROWS, 0)), csr_array((ROWS, 0)))
 
 
@@ -179,9 +186,10 @@ class Weighed(RigProblem, frozen=True, kw_only=True):
         several: Sequence[Sequence[ActiveEffect]],
         nu: Signal,
         near: Sequence[ActiveEffect] | None = None,
+        serves: float = 0.0,
     ) -> Signal:
         """Residuals times their weights, (M * 5, k)."""
-        z = RigProblem(self.data, self.suspects).residuals(several, nu, near)
+        z = RigProblem(self.data, self.suspects).residuals(several, nu, near, serves)
         return z * self.rows[:, None]
 
 
@@ -308,7 +316,11 @@ class Breaking(Hidden):
     """The first suspect cannot be simulated at all, and neither can the first of two nuisances."""
 
     def residuals(
-        self, several: Sequence[Sequence[ActiveEffect]], _nu: Signal, _near: object = None
+        self,
+        several: Sequence[Sequence[ActiveEffect]],
+        _nu: Signal,
+        _near: object = None,
+        _serves: float = 0.0,
     ) -> Signal:
         z = super().residuals(several, _nu)
         breaks = [
@@ -321,7 +333,9 @@ class Breaking(Hidden):
     def nuisances(self) -> int:
         return 2
 
-    def nuisance_columns(self, _effects: Sequence[ActiveEffect], _nu: Signal) -> Columns:
+    def nuisance_columns(
+        self, _effects: Sequence[ActiveEffect], _nu: Signal, _serves: float
+    ) -> Columns:
         dense = np.random.default_rng(2).normal(size=(ROWS, 2))
         dense[:, 0] *= 1e200
         dense[7, 0] = np.nan
@@ -330,7 +344,7 @@ class Breaking(Hidden):
 
 def test_a_number_with_which_nothing_can_be_simulated_moves_nothing() -> None:
     problem = Breaking()
-    marginal = Marginal(np.zeros(2), problem.nuisance_columns([], np.zeros(2)))
+    marginal = Marginal(np.zeros(2), problem.nuisance_columns([], np.zeros(2), 0.0))
     assert np.isfinite(marginal(problem.measured)).all()
     assert marginal.spread[0].tolist() == [1.0, 0.0]
     found = search(problem)

@@ -13,10 +13,11 @@ from planted import driven, logged
 from rigs import calibrated_rig
 
 from winchcascade.diagnosis.diagnosis_result import Stability
+from winchcascade.diagnosis.fit.expansion import marginal_about
 from winchcascade.diagnosis.fit.fit_set import fit_set
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.rig_problem import RigProblem
-from winchcascade.diagnosis.fit.search import Found, marginal_about, search
+from winchcascade.diagnosis.fit.search import Found, search
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.judge.stability import stabilities, strengths, trends_of
 from winchcascade.rig.baseline import baseline

@@ -8,10 +8,10 @@ from rigs import calibrated_rig, suspects_on
 from scipy.ndimage import gaussian_filter1d
 
 from winchcascade.core.run import Run
+from winchcascade.diagnosis.fit.expansion import marginal_about
 from winchcascade.diagnosis.fit.fit_set import fit_set
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.rig_problem import RigProblem
-from winchcascade.diagnosis.fit.search import marginal_about
 from winchcascade.rig.simulate import simulate
 
 EVERY, FINE = 10, 1e-2

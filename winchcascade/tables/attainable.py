@@ -20,8 +20,9 @@ from winchcascade.core.jobs import Nobody, Watch, all_at_once
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Signal
 from winchcascade.core.scales import MotionScale, scales_of
+from winchcascade.diagnosis.fit.expansion import neighbours
 from winchcascade.diagnosis.fit.marginal import Columns, Together
-from winchcascade.diagnosis.fit.search import neighbours, search
+from winchcascade.diagnosis.fit.search import search
 from winchcascade.reduction.efficiency import RATIOS
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.effect import ActiveEffect, Effect, Parameter

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.fit.search import Expansion, Found
+from winchcascade.diagnosis.fit.expansion import Expansion
+from winchcascade.diagnosis.fit.search import Found
 from winchcascade.diagnosis.fit.suspects import freedom, with_values
 from winchcascade.diagnosis.verdict_limits import CLEARLY
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from winchcascade.diagnosis.fit.evidence import Fit, minimum_within, prior_of
 from winchcascade.diagnosis.fit.marginal import WILD, Marginal, Problem, huber, weights
+from winchcascade.diagnosis.fit.nearby import CLOSELY
 from winchcascade.diagnosis.fit.suspects import freedom, places_of, varied, with_values
 
 if TYPE_CHECKING:
@@ -36,8 +37,9 @@ settled.
 """
 
 
-ROUGH = 0.02
-"""Share of its gain to which a set is fitted that only leads on. [1]"""
+LEADING, ROUGH = 1.0, 0.02
+"""Improvement of the objective below which a set has settled that only leads on, and the same as a
+share of what its fit has gained. [1]"""
 
 
 REWEIGHTED = 20
@@ -52,9 +54,19 @@ SHARES = (1.0, 0.4, 0.15, 0.05)
 """Shares of a step that are tried until one lowers the objective."""
 
 
-def columns_of(problem: Problem, marginal: Marginal, fit: Fit, wanted: Sequence[str]) -> Signal:
+def columns_of(
+    problem: Problem,
+    marginal: Marginal,
+    fit: Fit,
+    wanted: Sequence[str],
+    serves: float = CLOSELY,
+) -> Signal:
     """Derivative of the residuals of a fit over the fields of some suspects, which need not act,
     nuisances integrated out.
+
+    Parameters
+    ----------
+    serves : share of the way from another place that its derivatives may miss [1]
     """
     acting = dict(zip(fit.names, fit.effects(problem.suspects), strict=True))
     variants, steps = [], []
@@ -66,7 +78,7 @@ def columns_of(problem: Problem, marginal: Marginal, fit: Fit, wanted: Sequence[
     columns = np.zeros((fit.given.size, len(variants)))
     for first in range(0, len(variants), AT_ONCE):
         several = slice(first, first + AT_ONCE)
-        raw = problem.residuals(variants[several], marginal.place, [*acting.values()])
+        raw = problem.residuals(variants[several], marginal.place, [*acting.values()], serves)
         moved = (marginal.centred(raw) - fit.given[:, None]) / np.array(steps[several])
         # a number with which nothing can be simulated has no derivative
         columns[:, several] = marginal(np.where(np.any(np.abs(raw) >= WILD, axis=0), 0.0, moved))
@@ -133,8 +145,8 @@ def fit_set(
     start : fields to begin from by suspect; suspects without any begin absent
     columns : (n, k) derivative of the residuals there or near, which serves as long as it foresees
         what a step brings
-    exact_below : objective above which a step is not worth it that gains less than `ROUGH` of what
-        the fit has gained: most sets on a path only lead on
+    exact_below : objective above which a step is not worth it that gains less than `LEADING` and
+        `ROUGH` say, nor a new derivative: most sets on a path only lead on
     """
     names = tuple(sorted(names))
     free, x = (
@@ -145,23 +157,24 @@ def fit_set(
     def at(x: Signal) -> Fit:
         return located(problem, marginal, names, x)
 
-    fit, fresh = at(np.clip(x, free.minimum, free.maximum)), columns is None
+    fit, fresh, stale = at(np.clip(x, free.minimum, free.maximum)), columns is None, False
     columns = columns_of(problem, marginal, fit, names) if columns is None else columns
     begin, promised = fit.loss, 0.0
     for _ in range(STEPS):
+        if stale:
+            columns, fresh = columns_of(problem, marginal, fit, names, 0.0), True
         step, promised = _best_step(fit, columns)
-        rough = ROUGH if fit.loss - promised > exact_below else 0.0
-        if promised < max(WORTHWHILE, rough * (begin - fit.loss)):
+        rough = fit.loss - promised > exact_below
+        least = max(LEADING, ROUGH * (begin - fit.loss)) if rough else WORTHWHILE
+        if promised < least:
             break
         tried = (at(np.clip(fit.x + share * step, free.minimum, free.maximum)) for share in SHARES)
         there = next((one for one in tried if one.loss < fit.loss), None)
-        if there is None and fresh:
+        if there is None and (fresh or rough):
             break
         gained = 0.0 if there is None else fit.loss - there.loss
         fit = there or fit
-        fresh = gained < FORESEEN * promised
-        if fresh:
-            columns = columns_of(problem, marginal, fit, names)
+        fresh, stale = False, not rough and gained < FORESEEN * promised
     nu, left = marginal.best(fit.given)
     weighted = columns * weights(fit.r)[:, None]
     return msgspec.structs.replace(

@@ -138,6 +138,7 @@ class Problem(Protocol):
         several: Sequence[Sequence[ActiveEffect]],
         nu: Signal,
         near: Sequence[ActiveEffect] | None = None,
+        serves: float = 0.0,
     ) -> Signal:
         """Measured minus predicted with each of several lists of effects and some nuisances,
         whitened, (n, k).
@@ -146,10 +147,15 @@ class Problem(Protocol):
         ----------
         near : effects that each list differs from by a small change, so that it may follow a
             derivative
+        serves : share of the way from another place that its derivatives may miss [1]
         """
 
-    def nuisance_columns(self, effects: Sequence[ActiveEffect], nu: Signal) -> Columns:
-        """Whitened derivative of the prediction over the nuisances, in units of their tolerance."""
+    def nuisance_columns(
+        self, effects: Sequence[ActiveEffect], nu: Signal, serves: float
+    ) -> Columns:
+        """Whitened derivative of the prediction over the nuisances, in units of their tolerance;
+        those of another place serve as for `residuals`.
+        """
 
 
 class Marginal:

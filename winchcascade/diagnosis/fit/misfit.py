@@ -29,7 +29,7 @@ from winchcascade.diagnosis.fit.fitted_log import (
     with_channels_of,
 )
 from winchcascade.diagnosis.fit.marginal import Columns
-from winchcascade.diagnosis.fit.nearby import Nearby
+from winchcascade.diagnosis.fit.nearby import SERVES, Nearby, Places
 from winchcascade.diagnosis.fit.nuisances import COURSES, LOAD, Nuisance, nuisances
 from winchcascade.diagnosis.fit.predict import ALL_KEPT, CHANNELS, MAX_KEPT
 from winchcascade.rig.baseline import baseline, stated_effects
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
     from winchcascade.core.scales import Scales
-    from winchcascade.rig.effects.effect import ActiveEffect, Values
+    from winchcascade.rig.effects.effect import ActiveEffect
 
 
 Variant = tuple["Signal", "Sequence[ActiveEffect]"]
@@ -54,17 +54,6 @@ Variant = tuple["Signal", "Sequence[ActiveEffect]"]
 
 ZERO_REACH = 3.0
 """Bound of a zero, in its standard uncertainties; more is a gap. [1]"""
-
-
-PLACES = 16
-"""Number of places of which the derivatives are kept: the first, at which nothing acts, and the
-newest; a search returns to few."""
-
-
-SERVES = 0.2
-"""Derivatives of another place serve for uncertainties if they miss no more than this share of the
-way from there. [1]
-"""
 
 
 class Fitted:
@@ -115,7 +104,7 @@ class Fitted:
         for j, n in enumerate(self.nuisances):
             self._of_kind.setdefault(n.kind, []).append((j, n))
         self._deviations = self._places_of_deviations()
-        self._places: dict[tuple[bytes, tuple[tuple[str, Values], ...]], Nearby] = {}
+        self._places = Places()
         self._take_noise()
 
     def _take_noise(self) -> None:
@@ -288,42 +277,15 @@ class Fitted:
         )
 
     def nearby(self, place: Variant) -> Nearby:
-        """A place and the derivatives that serve there; the newest `PLACES` are kept.
-
-        Nothing acts there that does not act where they were taken: what the cooling of a gas moves
-        depends on whether it heats.
-        """
+        """A place of a fit with the derivatives that are known there."""
         nu, effects = place
-        acting = {one.effect.name: one.values for one in effects}
-        key = nu.tobytes(), tuple(acting.items())
-        found = self._places.get(key)
-        if found is None:
-            courses = [log.course for log in self.logs]
-            found = Nearby(
-                courses, self.models(nu, effects), self.skew(nu), self.predict(nu, effects)
-            )
-            missed = {
-                one: self._missed(known, found)
-                for one, known in self._places.items()
-                if acting.keys() <= dict(one[1]).keys()
-            }
-            nearest = min(missed, key=missed.__getitem__, default=key)
-            if missed.get(nearest, math.inf) < math.inf:
-                found.take(self._places[nearest], missed[nearest])
-        self._places.setdefault(key, found)
-        while len(self._places) > PLACES:
-            del self._places[[*self._places][1]]
-        return found
 
-    def _missed(self, known: Nearby, place: Nearby) -> float:
-        """Share of the way from one place to another that the derivatives of the first miss. [1]"""
-        way = known.way_to(place)
-        if way is None or not np.isfinite(way[0]).all():
-            return math.inf
-        moved, missed = (
-            float(np.linalg.norm(self.whiten(one))) for one in (way[0], way[1] - way[0])
-        )
-        return missed / max(moved, 1.0)
+        def made() -> Nearby:
+            courses = [log.course for log in self.logs]
+            at = self.predict(nu, effects)
+            return Nearby(courses, self.models(nu, effects), self.skew(nu), at)
+
+        return self._places.of(nu, effects, made, self.whiten)
 
     def predictions_near(
         self, place: Variant, variants: Sequence[Variant], serves: float = SERVES

@@ -19,11 +19,18 @@ from winchcascade.diagnosis.fit.predict import without_sensors
 from winchcascade.rig.parts import differences
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.fit.predict import Course
+    from winchcascade.rig.effects.effect import ActiveEffect, Values
     from winchcascade.rig.parts import Model
+
+
+CLOSELY, ROUGHLY, SERVES = 0.05, 0.1, 0.2
+"""Share of the way from another place that its derivatives may miss to serve for a fit, about as
+much as one by a finite step; on the way to a better fit; and for uncertainties. [1]
+"""
 
 
 ROUNDING = 1e-9
@@ -57,19 +64,25 @@ class Nearby:
         self._true = [self._predicted(k, model, None) for k, model in enumerate(true)]
         self._slopes: list[dict[str, Slope]] = [{} for _ in courses]
 
-    def take(self, known: Nearby, missed: float) -> None:
-        """Use the derivatives of another place too, which miss a share of the way from there.
+    def take(self, known: Nearby, missed: float, *, inert: bool) -> None:
+        """Use the derivatives of another place, which miss a share of the way from there, where
+        none that is known misses less.
 
         Those that move nothing in a log but something in another one miss nothing: no current
         reaches a roll-off in open circuit.
+
+        Parameters
+        ----------
+        inert : whether those serve, too, that move nothing in any log
         """
         moving = {n for own in known._slopes for n, one in own.items() if one.moves.any()}
-
-        def served(number: str, one: Slope) -> Slope:
-            inert = number in moving and not one.moves.any()
-            return one._replace(missed=0.0 if inert else one.missed + missed)
-
-        self._slopes = [{n: served(n, one) for n, one in own.items()} for own in known._slopes]
+        for own, there in zip(self._slopes, known._slopes, strict=True):
+            for number, one in there.items():
+                still = number in moving and not one.moves.any()
+                least = 0.0 if still else one.missed + missed
+                better = number not in own or least < own[number].missed
+                if better and (inert or number in moving):
+                    own[number] = one._replace(missed=least)
 
     def _predicted(self, k: int, model: Model, skew: Signal | None) -> Signal:
         return self._courses[k].predict(model, skew=skew)
@@ -121,6 +134,58 @@ class Nearby:
             foreseen.append(np.zeros_like(self._true[k]) + known)
             moved.append(other._true[k] - self._true[k])
         return np.concatenate(moved), np.concatenate(foreseen)
+
+
+PLACES = 4
+"""Number of places of which the derivatives are kept: the first, at which nothing acts, and the
+newest; a search returns to few."""
+
+
+class Places:
+    """Places of a fit, of which the newest `PLACES` and their derivatives are kept."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[bytes, tuple[tuple[str, Values], ...]], Nearby] = {}
+
+    def of(
+        self,
+        nu: Signal,
+        effects: Sequence[ActiveEffect],
+        made: Callable[[], Nearby],
+        whiten: Callable[[Signal], Signal],
+    ) -> Nearby:
+        """The place of some nuisances and effects, with the derivatives of all others that are
+        kept, each with the share of the way that it misses.
+
+        Where more acts than where they were taken, what moves nothing there does not serve: what
+        the cooling of a gas moves depends on whether it heats.
+
+        Parameters
+        ----------
+        made : makes it where it is not kept
+        whiten : makes blocks, (M, 5), independent numbers of unit variance
+        """
+        acting = {one.effect.name: one.values for one in effects}
+        key = nu.tobytes(), tuple(acting.items())
+        if key not in self._known:
+            found = made()
+            for (_, others), known in self._known.items():
+                if (missed := _missed(known.way_to(found), whiten)) < math.inf:
+                    found.take(known, missed, inert=acting.keys() <= dict(others).keys())
+            self._known[key] = found
+            if len(self._known) > PLACES:
+                del self._known[[*self._known][1]]
+        return self._known[key]
+
+
+def _missed(way: tuple[Signal, Signal] | None, whiten: Callable[[Signal], Signal]) -> float:
+    """Share that derivatives miss of what leads from their place to another one, as
+    `Nearby.way_to` gives it; infinite where they know only a part. [1]
+    """
+    if way is None or not np.isfinite(way[0]).all():
+        return math.inf
+    moved, missed = (float(np.linalg.norm(whiten(one))) for one in (way[0], way[1] - way[0]))
+    return missed / max(moved, 1.0)
 
 
 def _foreseen(

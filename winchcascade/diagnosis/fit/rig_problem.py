@@ -74,6 +74,7 @@ class RigProblem(msgspec.Struct, frozen=True):
         several: Sequence[Sequence[ActiveEffect]],
         nu: Signal,
         near: Sequence[ActiveEffect] | None = None,
+        serves: float = 0.0,
     ) -> Signal:
         """Measured minus predicted blocks with each of several lists of effects, whitened, (M *
         5, k).
@@ -81,13 +82,15 @@ class RigProblem(msgspec.Struct, frozen=True):
         data, variants = self.data, [(nu, effects) for effects in several]
         if near is None:
             return self._whitened(data.measured[:, :, None] - data.predictions(variants))
-        predicted = data.predictions_near((nu, near), variants, serves=0.0)
+        predicted = data.predictions_near((nu, near), variants, serves)
         return self._whitened(data.measured[:, :, None] - predicted)
 
     def _whitened(self, gap: Signal) -> Signal:
         """Blocks, (M, 5, k), as residuals; `WILD` where nothing can be simulated."""
         return np.clip(np.nan_to_num(self.data.whiten(gap), nan=WILD), -WILD, WILD)
 
-    def nuisance_columns(self, effects: Sequence[ActiveEffect], nu: Signal) -> Columns:
+    def nuisance_columns(
+        self, effects: Sequence[ActiveEffect], nu: Signal, serves: float
+    ) -> Columns:
         """Whitened derivative of the prediction over the nuisances."""
-        return self.data.columns(nu, effects, serves=0.0)
+        return self.data.columns(nu, effects, serves=serves)

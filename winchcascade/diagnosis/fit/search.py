@@ -10,27 +10,34 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.fit.evidence import Evidence, Fit, minimum_within, prior_of
-from winchcascade.diagnosis.fit.fit_set import WORTHWHILE, begun, columns_of, fit_set, located
-from winchcascade.diagnosis.fit.marginal import Marginal, Problem, huber, weights
-from winchcascade.diagnosis.fit.suspects import Freedom, freedom, places_of, with_values
-from winchcascade.diagnosis.verdict_limits import CLEARLY, REACH
+from winchcascade.diagnosis.fit.evidence import Evidence, Fit
+from winchcascade.diagnosis.fit.expansion import (
+    Centre,
+    Expansion,
+    expand,
+    marginal_about,
+    neighbours,
+    start_of,
+)
+from winchcascade.diagnosis.fit.fit_set import WORTHWHILE, columns_of, fit_set
+from winchcascade.diagnosis.fit.marginal import Marginal, Problem, huber
+from winchcascade.diagnosis.fit.nearby import CLOSELY, ROUGHLY, SERVES
+from winchcascade.diagnosis.fit.suspects import with_values
+from winchcascade.diagnosis.verdict_limits import REACH
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping
 
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.diagnosis_result import Names
-    from winchcascade.rig.effects.effect import ActiveEffect
 
 
 DOUBTFUL = 5.0
 """Error of the closed form, in evidence, that is expected."""
 
 
-REFITTED, PAIRED = 3, 12
-"""Number of the sets with the most closed-form evidence that are refitted in each round, and of
-suspects that are tried with another one beside them."""
+REFITTED = 3
+"""Number of the sets with the most closed-form evidence that are refitted in each round."""
 
 
 MANY, HOPELESS = 5, 2.0
@@ -68,142 +75,9 @@ NEARLY = 0.2
 by: it weighs residuals as they are there, and so foresees too little where they are large. [1]"""
 
 
-class Expansion(msgspec.Struct, frozen=True):
-    """The objective about a fit as a quadratic in the fields of every suspect, nuisances integrated
-    out.
-
-    `columns` (n, K) are the derivative of the residuals, `curve` (K + m, K + m) and `slope` (K +
-    m,) those of the objective without the prior over the K fields and over what m acting suspects
-    do as a whole: without one, the last numbers are 1. `value` (K,) are the fields there; those of
-    a suspect are at its `place`.
-    """
-
-    evidence: Evidence
-    columns: Signal
-    curve: Signal
-    slope: Signal
-    value: Signal
-    free: Freedom
-    place: dict[str, slice]
-    acting: Names
-
-    def index(self, names: Names) -> list[int]:
-        """Numbers of the fields of some suspects, in their order."""
-        return [k for name in names for k in range(self.value.size)[self.place[name]]]
-
-    def over(self, names: Names) -> Signal:
-        """Derivative of the residuals over the fields of some suspects, (n, k)."""
-        return self.columns[:, self.index(names)]
-
-    def rated(self, names: Names) -> float:
-        """Closed-form evidence for a set, up to a constant."""
-        own, free, scale, size = self.index(names), self.free, self.evidence.scale, self.value.size
-        step, x = np.zeros(self.slope.size), self.value.copy()
-        gone = [name for name in self.acting if name not in names]
-        step[[size + self.acting.index(name) for name in gone]] = 1.0
-        x[self.index(tuple(gone))] = free.absent[self.index(tuple(gone))]
-        inside = np.ix_(own, own)
-        if own:
-            sd = free.sd[own]
-            slope = (self.slope[own] - self.curve[own] @ step) / scale - (x - free.absent)[
-                own
-            ] / sd**2
-            bounds = free.minimum[own] - x[own], free.maximum[own] - x[own]
-            step[own] = minimum_within(
-                self.curve[inside] / scale + np.diag(sd**-2.0), slope, *bounds
-            )
-            x[own] += step[own]
-        objective = (
-            0.5 * float(step @ self.curve @ step) - float(self.slope @ step)
-        ) / scale + prior_of(x, free)
-        left = self.slope[own] - self.curve[own] @ step
-        return self.evidence.weighed(
-            names, x[own], free.some(own), self.curve[inside], left, objective
-        )
-
-    def refitted(self, marginal: Marginal, names: Names, best: Fit) -> Fit:
-        """The fit of another set, begun from the fit that this is expanded about."""
-        start, columns = start_of(best), self.over(names)
-        return fit_set(self.evidence.problem, marginal, names, start, columns, -math.inf)
-
-    def worth(self, names: Names) -> float:
-        """Closed-form evidence by which sets of any size compare."""
-        return self.rated(names) - CLEARLY * len(names)
-
-
-def expand(
-    problem: Problem, marginal: Marginal, names: Names, start: Mapping[str, Signal], scale: float
-) -> tuple[Fit, Expansion]:
-    """Fit a set, and expand the objective about it in the fields of every suspect.
-
-    Parameters
-    ----------
-    start : fields to begin from by suspect, near which the derivatives are taken
-    scale : square by which the noise exceeds its estimate
-    """
-    suspects, effects = problem.suspects, tuple(problem.suspects)
-    place, free = places_of(suspects, effects), freedom(*suspects.values())
-    columns = columns_of(
-        problem, marginal, located(problem, marginal, names, begun(suspects, names, start)), effects
-    )
-    own = [k for name in names for k in range(free.absent.size)[place[name]]]
-    fit, value = fit_set(problem, marginal, names, start, columns[:, own]), free.absent.copy()
-    value[own] = fit.x
-    acting = fit.acting(suspects)
-    without = [[one for other, one in acting.items() if other != name] for name in names]
-    removed = np.zeros((fit.r.size, 0))
-    if names:
-        removed = marginal(
-            marginal.centred(problem.residuals(without, marginal.place)) - fit.given[:, None]
-        )
-    both = np.hstack([columns, removed])
-    weighted = both * weights(fit.r)[:, None]
-    curve, slope = weighted.T @ both, -weighted.T @ fit.r
-    return fit, Expansion(
-        Evidence(problem, scale), columns, curve, slope, value, free, place, names
-    )
-
-
-def neighbours(expansion: Expansion, names: Names) -> list[Names]:
-    """Sets near to one in the order of their closed-form worth: grown by one or two causes,
-    pruned, one cause swapped.
-    """
-    others = [name for name in expansion.place if name not in names]
-    grown = [(*names, name) for name in others]
-    swapped = [(*(n for n in names if n != gone), name) for gone in names for name in others]
-    first = sorted(grown, key=expansion.worth, reverse=True)[:PAIRED]
-    twice = [(*one, name) for one in first for name in others if name not in one]
-    pruned = [tuple(n for n in names if n != gone) for gone in names]
-    near = {tuple(sorted(one)) for one in (names, *grown, *swapped, *twice, *pruned)}
-    worth = {one: expansion.worth(one) for one in sorted(near)}
-    return sorted(worth, key=lambda one: worth[one], reverse=True)
-
-
-class Centre(msgspec.Struct, frozen=True):
-    """A fit about which the objective is expanded, and the nuisances are integrated out."""
-
-    fit: Fit
-    expansion: Expansion
-    marginal: Marginal
-
-    def moved_to(self, fit: Fit, evidence: Evidence) -> Expansion:
-        """From where nothing acts to about a single suspect: with the derivatives from here,
-        which is rough but at no cost.
-        """
-        here = self.expansion
-        fit = located(evidence.problem, self.marginal, fit.names, fit.x)
-        value = here.free.absent.copy()
-        value[here.index(fit.names)] = fit.x
-        both = np.column_stack([here.columns, self.fit.r - fit.r])
-        weighted = both * weights(fit.r)[:, None]
-        curve, slope = weighted.T @ both, -weighted.T @ fit.r
-        return Expansion(
-            evidence, here.columns, curve, slope, value, here.free, here.place, fit.names
-        )
-
-
 class Found(msgspec.Struct, frozen=True):
-    """What a search found: the best fit, the newest fit of each set, and the expansion about the best.
+    """What a search found: the best fit, the newest fit of each set, and the expansion about the
+    best.
 
     `centres` are all fits that were expanded about, by their sets. No set of `rejected`, and none
     with one of the `imitators`, is the best, whatever its evidence. `tried` are sets with the best
@@ -240,7 +114,7 @@ class Found(msgspec.Struct, frozen=True):
         """
         if fit is self.best:
             return self.expansion.over(fit.names)
-        return columns_of(self.problem, self.marginal, fit, fit.names)
+        return columns_of(self.problem, self.marginal, fit, fit.names, SERVES)
 
     def fit(self, names: Names, start: Mapping[str, Signal] | None = None) -> Fit:
         """The fit of a set, begun from the best one where the search made none, or one that is
@@ -284,19 +158,26 @@ class Found(msgspec.Struct, frozen=True):
         found = [fit for names, fit in self.fits.items() if len(names) == 1]
         return sorted(found, key=weighing(self).of, reverse=True)[:SINGLES]
 
-    def about(self, fit: Fit) -> Centre:
+    def about(self, fit: Fit, serves: float = CLOSELY) -> Centre:
         """The expansion of the objective about a fit, which replaces older fits of its set; made
         anew, `ANEW` times at most, as long as the nuisances move by more than `NEAR_ZERO`.
+
+        Parameters
+        ----------
+        serves : share of the way from another place that its derivatives may miss [1]
         """
+        problem = self.problem
         for _ in range(ANEW):
-            marginal = marginal_about(self.problem, fit.effects(self.problem.suspects), fit.nu)
+            marginal = marginal_about(problem, fit.effects(problem.suspects), fit.nu, serves)
             there, expansion = expand(
-                self.problem, marginal, fit.names, start_of(fit), weighing(self).scale
+                problem, marginal, fit.names, start_of(fit), weighing(self).scale, serves
             )
-            if np.max(np.abs(there.nu - fit.nu), initial=0.0) <= NEAR_ZERO:
+            moved = np.clip(there.nu, -REACH, REACH) - marginal.place
+            if serves > CLOSELY or np.max(np.abs(moved), initial=0.0) <= NEAR_ZERO:
                 break
             fit = there
-        self.fits[fit.names], self.centres[fit.names] = there, Centre(there, expansion, marginal)
+        self.fits[fit.names] = there
+        self.centres[fit.names] = Centre(there, expansion, marginal, serves)
         return self.centres[fit.names]
 
     def led_by(self, names: Names) -> Found:
@@ -306,19 +187,6 @@ class Found(msgspec.Struct, frozen=True):
         return msgspec.structs.replace(
             self, best=centre.fit, expansion=expansion, marginal=centre.marginal
         )
-
-
-def start_of(fit: Fit) -> dict[str, Signal]:
-    """Fields of a fit by suspect, for another fit to begin from."""
-    return {name: fit.x[own] for name, own in fit.place.items()}
-
-
-def marginal_about(problem: Problem, effects: Sequence[ActiveEffect], nu: Signal) -> Marginal:
-    """The nuisances of a problem integrated out about some effects and nuisances, these within
-    `REACH`.
-    """
-    place = np.clip(nu, -REACH, REACH)
-    return Marginal(place, problem.nuisance_columns(effects, place))
 
 
 def search(
@@ -339,16 +207,17 @@ def search(
     if np.max(np.abs(given.nu), initial=0.0) > NEAR_ZERO:
         marginal = marginal_about(problem, [], given.nu)
     null, expansion = expand(problem, marginal, (), {}, 1.0)
-    found = Found(null, {(): null}, expansion, marginal, {(): Centre(null, expansion, marginal)})
-    _go(
-        found,
-        found.about(start) if start is not None and start.names else found.centres[()],
-        on_progress,
+    found = Found(
+        null, null, {(): null}, expansion, marginal, {(): Centre(null, expansion, marginal)}
     )
+    begin = found.centres[()]
+    if start is not None and start.names:
+        begin = found.about(start, ROUGHLY)
+    _go(found, begin, on_progress)
     found = gone_on(found, on_progress)
     for fit in _single_starts(found):
         if fit.names not in found.centres:
-            _go(found, found.about(fit), on_progress)
+            _go(found, found.about(fit, ROUGHLY), on_progress)
     return _settled(gone_on(found, on_progress), on_progress)
 
 
@@ -367,10 +236,10 @@ def _settled(found: Found, on_progress: Callable[[str], None]) -> Found:
 
 def gone_on(found: Found, on_progress: Callable[[str], None] = lambda _: None) -> Found:
     """A search led by its best set, and gone on from each set with more evidence that was fitted
-    and not yet expanded about.
+    and not yet closely expanded about.
     """
-    while (top := max(found.sets().values(), key=weighing(found).worth)).names not in found.centres:
-        if _is_hopeless(top):
+    while not _is_hopeless(top := max(found.sets().values(), key=weighing(found).worth)):
+        if top.names in found.centres and found.centres[top.names].serves <= CLOSELY:
             break
         _go(found, found.about(top), on_progress)
     expanded = (fit for names, fit in found.sets().items() if names in found.centres)
@@ -412,7 +281,7 @@ def _go(found: Found, last: Centre, on_progress: Callable[[str], None]) -> None:
         top = max((last.fit, *(fits[names] for names in near)), key=evidence.worth)
         if top.names in found.centres:
             return
-        last = found.about(top)
+        last = found.about(top, ROUGHLY)
 
 
 def _is_more(evidence: Evidence, fit: Fit, other: Fit) -> bool:

@@ -19,16 +19,16 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from winchcascade.diagnosis.fit.evidence import Evidence, Fit, minimum_within
-from winchcascade.diagnosis.fit.fit_set import fit_set
-from winchcascade.diagnosis.fit.marginal import Columns, Marginal, Together, weights
-from winchcascade.diagnosis.fit.search import (
+from winchcascade.diagnosis.fit.expansion import (
     Centre,
     Expansion,
-    Found,
     expand,
     marginal_about,
     neighbours,
 )
+from winchcascade.diagnosis.fit.fit_set import fit_set
+from winchcascade.diagnosis.fit.marginal import Columns, Marginal, Together, weights
+from winchcascade.diagnosis.fit.search import Found
 from winchcascade.diagnosis.fit.suspects import freedom
 from winchcascade.diagnosis.judge.causes import posterior_of, probabilities
 from winchcascade.diagnosis.stages.stage_rows import PARTS_OF_RUN
@@ -225,6 +225,7 @@ class StageProblem(msgspec.Struct, frozen=True):
         several: Sequence[Sequence[ActiveEffect]],
         nu: Signal,
         _near: Sequence[ActiveEffect] | None = None,
+        _serves: float = 0.0,
     ) -> Signal:
         """Measured minus predicted coefficients of several sets of effects, (n, sets)."""
         names = list(self.suspects)
@@ -235,7 +236,9 @@ class StageProblem(msgspec.Struct, frozen=True):
             found[:, k] -= self.rows[:, own] @ np.array([one.values[0] for one in effects])
         return found
 
-    def nuisance_columns(self, _effects: Sequence[ActiveEffect], _nu: Signal) -> Columns:
+    def nuisance_columns(
+        self, _effects: Sequence[ActiveEffect], _nu: Signal, _serves: float
+    ) -> Columns:
         """Those of the rows."""
         return Columns(self.rows[:, len(self.suspects) : -1], csr_array((len(self.rows), 0)))
 

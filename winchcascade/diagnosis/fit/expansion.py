@@ -1,0 +1,189 @@
+"""The objective about a fit as a quadratic in the fields of every suspect: what each set near to it
+is worth, in closed form.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.diagnosis.fit.evidence import Evidence, Fit, minimum_within, prior_of
+from winchcascade.diagnosis.fit.fit_set import begun, columns_of, fit_set, located
+from winchcascade.diagnosis.fit.marginal import Marginal, Problem, weights
+from winchcascade.diagnosis.fit.nearby import CLOSELY
+from winchcascade.diagnosis.fit.suspects import Freedom, freedom, places_of
+from winchcascade.diagnosis.verdict_limits import CLEARLY, REACH
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from winchcascade.core.run import Signal
+    from winchcascade.diagnosis.diagnosis_result import Names
+    from winchcascade.rig.effects.effect import ActiveEffect
+
+
+PAIRED = 12
+"""Number of the suspects with the most closed-form evidence that are tried with another one beside
+them."""
+
+
+def marginal_about(
+    problem: Problem, effects: Sequence[ActiveEffect], nu: Signal, serves: float = CLOSELY
+) -> Marginal:
+    """The nuisances of a problem integrated out about some effects and nuisances, these within
+    `REACH`, by derivatives as for `expand`.
+    """
+    place = np.clip(nu, -REACH, REACH)
+    return Marginal(place, problem.nuisance_columns(effects, place, serves))
+
+
+def start_of(fit: Fit) -> dict[str, Signal]:
+    """Fields of a fit by suspect, for another fit to begin from."""
+    return {name: fit.x[own] for name, own in fit.place.items()}
+
+
+class Expansion(msgspec.Struct, frozen=True):
+    """The objective about a fit as a quadratic in the fields of every suspect, nuisances integrated
+    out.
+
+    `columns` (n, K) are the derivative of the residuals, `curve` (K + m, K + m) and `slope` (K +
+    m,) those of the objective without the prior over the K fields and over what m acting suspects
+    do as a whole: without one, the last numbers are 1. `value` (K,) are the fields there; those of
+    a suspect are at its `place`.
+    """
+
+    evidence: Evidence
+    columns: Signal
+    curve: Signal
+    slope: Signal
+    value: Signal
+    free: Freedom
+    place: dict[str, slice]
+    acting: Names
+
+    def index(self, names: Names) -> list[int]:
+        """Numbers of the fields of some suspects, in their order."""
+        return [k for name in names for k in range(self.value.size)[self.place[name]]]
+
+    def over(self, names: Names) -> Signal:
+        """Derivative of the residuals over the fields of some suspects, (n, k)."""
+        return self.columns[:, self.index(names)]
+
+    def rated(self, names: Names) -> float:
+        """Closed-form evidence for a set, up to a constant."""
+        own, free, scale, size = self.index(names), self.free, self.evidence.scale, self.value.size
+        step, x = np.zeros(self.slope.size), self.value.copy()
+        gone = [name for name in self.acting if name not in names]
+        step[[size + self.acting.index(name) for name in gone]] = 1.0
+        x[self.index(tuple(gone))] = free.absent[self.index(tuple(gone))]
+        inside = np.ix_(own, own)
+        if own:
+            sd = free.sd[own]
+            slope = (self.slope[own] - self.curve[own] @ step) / scale - (x - free.absent)[
+                own
+            ] / sd**2
+            bounds = free.minimum[own] - x[own], free.maximum[own] - x[own]
+            step[own] = minimum_within(
+                self.curve[inside] / scale + np.diag(sd**-2.0), slope, *bounds
+            )
+            x[own] += step[own]
+        objective = (
+            0.5 * float(step @ self.curve @ step) - float(self.slope @ step)
+        ) / scale + prior_of(x, free)
+        left = self.slope[own] - self.curve[own] @ step
+        return self.evidence.weighed(
+            names, x[own], free.some(own), self.curve[inside], left, objective
+        )
+
+    def refitted(self, marginal: Marginal, names: Names, best: Fit) -> Fit:
+        """The fit of another set, begun from the fit that this is expanded about."""
+        start, columns = start_of(best), self.over(names)
+        return fit_set(self.evidence.problem, marginal, names, start, columns, -math.inf)
+
+    def worth(self, names: Names) -> float:
+        """Closed-form evidence by which sets of any size compare."""
+        return self.rated(names) - CLEARLY * len(names)
+
+
+def expand(
+    problem: Problem,
+    marginal: Marginal,
+    names: Names,
+    start: Mapping[str, Signal],
+    scale: float,
+    serves: float = CLOSELY,
+) -> tuple[Fit, Expansion]:
+    """Fit a set, and expand the objective about it in the fields of every suspect.
+
+    Parameters
+    ----------
+    start : fields to begin from by suspect, near which the derivatives are taken
+    scale : square by which the noise exceeds its estimate
+    serves : share of the way from another place that its derivatives may miss [1]
+    """
+    suspects, effects = problem.suspects, tuple(problem.suspects)
+    place, free = places_of(suspects, effects), freedom(*suspects.values())
+    begin = located(problem, marginal, names, begun(suspects, names, start))
+    columns = columns_of(problem, marginal, begin, effects, serves)
+    own = [k for name in names for k in range(free.absent.size)[place[name]]]
+    exact_below = math.inf if serves <= CLOSELY else -math.inf
+    fit = fit_set(problem, marginal, names, start, columns[:, own], exact_below)
+    value = free.absent.copy()
+    value[own] = fit.x
+    acting = fit.acting(suspects)
+    without = [[one for other, one in acting.items() if other != name] for name in names]
+    removed = np.zeros((fit.r.size, 0))
+    if names:
+        removed = marginal(
+            marginal.centred(problem.residuals(without, marginal.place)) - fit.given[:, None]
+        )
+    both = np.hstack([columns, removed])
+    weighted = both * weights(fit.r)[:, None]
+    curve, slope = weighted.T @ both, -weighted.T @ fit.r
+    return fit, Expansion(
+        Evidence(problem, scale), columns, curve, slope, value, free, place, names
+    )
+
+
+def neighbours(expansion: Expansion, names: Names) -> list[Names]:
+    """Sets near to one in the order of their closed-form worth: grown by one or two causes,
+    pruned, one cause swapped.
+    """
+    others = [name for name in expansion.place if name not in names]
+    grown = [(*names, name) for name in others]
+    swapped = [(*(n for n in names if n != gone), name) for gone in names for name in others]
+    first = sorted(grown, key=expansion.worth, reverse=True)[:PAIRED]
+    twice = [(*one, name) for one in first for name in others if name not in one]
+    pruned = [tuple(n for n in names if n != gone) for gone in names]
+    near = {tuple(sorted(one)) for one in (names, *grown, *swapped, *twice, *pruned)}
+    worth = {one: expansion.worth(one) for one in sorted(near)}
+    return sorted(worth, key=lambda one: worth[one], reverse=True)
+
+
+class Centre(msgspec.Struct, frozen=True):
+    """A fit about which the objective is expanded, and the nuisances are integrated out, by
+    derivatives that miss a share `serves` of the way from another place at most [1].
+    """
+
+    fit: Fit
+    expansion: Expansion
+    marginal: Marginal
+    serves: float = CLOSELY
+
+    def moved_to(self, fit: Fit, evidence: Evidence) -> Expansion:
+        """From where nothing acts to about a single suspect: with the derivatives from here,
+        which is rough but at no cost.
+        """
+        here = self.expansion
+        fit = located(evidence.problem, self.marginal, fit.names, fit.x)
+        value = here.free.absent.copy()
+        value[here.index(fit.names)] = fit.x
+        both = np.column_stack([here.columns, self.fit.r - fit.r])
+        weighted = both * weights(fit.r)[:, None]
+        curve, slope = weighted.T @ both, -weighted.T @ fit.r
+        return Expansion(
+            evidence, here.columns, curve, slope, value, here.free, here.place, fit.names
+        )
