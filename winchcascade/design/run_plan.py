@@ -42,6 +42,7 @@ from winchcascade.diagnosis.explain.planning import (
     listed,
     options_after,
 )
+from winchcascade.diagnosis.fit.covariance import predictive_covariance
 from winchcascade.diagnosis.fit.suspects import freedom, with_values
 from winchcascade.diagnosis.handover.posterior import OF_THE_RIG, RigPosterior, posterior_of_rig
 from winchcascade.diagnosis.verdict_limits import LAW
@@ -276,6 +277,7 @@ def determine(basis: Basis, metric: str, wanted: float, most: int = MOST) -> Run
     else:
         found, posterior = basis.found.found, posterior_of_rig(basis.found)
         known, scale = explanation_of(found, found.best), found.scale
+        known = known._replace(covariance=predictive_covariance(basis.found.data, found))
         kept = [
             found.best.place[name]
             for name, effect in known.effects.items()

@@ -16,7 +16,7 @@ from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.search import Found
 
 if TYPE_CHECKING:
-    from winchcascade.core.run import Mask, Signal
+    from winchcascade.core.run import Signal
 
 
 FEW = 10
@@ -101,29 +101,77 @@ def joint_covariance(found: Found, fit: Fit | None = None) -> Signal:
     return np.block([[fields, both], [both.T, follow @ both + marginal.spread_in(found.scale)]])
 
 
+def discrepancy_found(data: Fitted, nu: Signal, determined: Signal) -> Signal:
+    """Variance of each nuisance over the one that is allowed, (n,): of the discrepancy of the model
+    as the fit finds it, as most rigs have less than what is allowed of any.
+
+    It is the mean square over one channel in one phase, with one that is as large as is allowed; no
+    more than that.
+
+    Parameters
+    ----------
+    nu : (n,) nuisances of the fit, in units of their tolerance
+    determined : (n,) share of the allowed variance that the data determine
+    """
+    found = np.ones(nu.size)
+    cells: dict[tuple[str, str], list[int]] = {}
+    for j, n in enumerate(data.nuisances):
+        if n.kind == "discrepancy":
+            cells.setdefault((n.name, n.phase), []).append(j)
+    for own in cells.values():
+        found[own] = min(
+            (float(np.sum(nu[own] ** 2)) + 1.0) / (float(np.sum(determined[own])) + 1.0), 1.0
+        )
+    return found
+
+
+def predictive_covariance(data: Fitted, found: Found, fit: Fit | None = None) -> Signal:
+    """Covariance as `joint_covariance` gives it, of the errors of what is predicted, (k + n, k +
+    n): the discrepancy has the size that the fit finds.
+
+    A fit weighs its logs by the discrepancy that is allowed. Its error by each part of this is S
+    times the part, S being its covariance, so of a part that is smaller than allowed only a share
+    of the square remains.
+    """
+    fit = fit or found.best
+    known, count = _known_by(data, found, fit, np.ones(data.blocks.size)), len(data.nuisances)
+    share = discrepancy_found(data, fit.nu, 1.0 - np.diag(known)[-count:])
+    excess = np.concatenate([np.zeros(fit.x.size), 1.0 - share])
+    return joint_covariance(found, fit) - (known * excess) @ known
+
+
 def covariance_without(data: Fitted, found: Found, load: float) -> Signal:
-    """Covariance as `joint_covariance` gives it, of a fit without the logs of a load [ohm]: what
-    these determine is added.
+    """Covariance as `predictive_covariance` gives it, of the best fit without the logs of a load
+    [ohm]: what these determine is added.
 
     What concerns one log alone stays as it is known, and a field at a bound stays there.
     """
-    best, loads = found.best, np.repeat([log.load for log in data.logs], data.sizes)
-    fields = -found.marginal.undone(found.expansion.over(best.names)) * inside_of(best)
-    of_a_log = np.zeros(best.x.size, dtype=bool)
-    for name, effect in zip(best.names, best.effects(found.problem.suspects), strict=True):
-        of_a_log[best.place[name]] = log_of(effect) >= 0
-    prior = np.diag([*best.free.sd**-2.0, *np.ones(len(data.nuisances))])
-
-    def left_by(blocks: Mask) -> Signal:
-        rows = np.repeat(blocks.astype(np.float64), len(CHANNELS))
-        own, others = (
-            np.where(of_a_log, fields, fields * rows[:, None]),
-            found.marginal.columns.masked(rows),
-        )
-        across = others.onto(own)
-        information = np.block([[own.T @ own, across.T], [across, others.squared()]])
-        return np.asarray(np.linalg.inv(information / found.scale + prior))
-
-    return (
-        joint_covariance(found) + left_by(loads != load) - left_by(np.ones(loads.size, dtype=bool))
+    loads = np.repeat([log.load for log in data.logs], data.sizes)
+    every, others = (
+        _known_by(data, found, found.best, rows)
+        for rows in (np.ones(loads.size), (loads != load).astype(np.float64))
     )
+    return predictive_covariance(data, found) + others - every
+
+
+def _known_by(data: Fitted, found: Found, fit: Fit, taking: Signal) -> Signal:
+    """Covariance of the fields of a fit and then of its nuisances by least squares, (k + n, k + n);
+    a field at a bound stays there.
+
+    Parameters
+    ----------
+    taking : (M,) weight of each block, which those of a log alone have none of
+    """
+    fields = -found.marginal.undone(found.columns(fit)) * inside_of(fit)
+    of_a_log = np.zeros(fit.x.size, dtype=bool)
+    for name, effect in zip(fit.names, fit.effects(found.problem.suspects), strict=True):
+        of_a_log[fit.place[name]] = log_of(effect) >= 0
+    prior = np.diag([*fit.free.sd**-2.0, *np.ones(len(data.nuisances))])
+    rows = np.repeat(taking, len(CHANNELS))
+    own, others = (
+        np.where(of_a_log, fields, fields * rows[:, None]),
+        found.marginal.columns.masked(rows),
+    )
+    across = others.onto(own)
+    information = np.block([[own.T @ own, across.T], [across, others.squared()]])
+    return np.asarray(np.linalg.inv(information / found.scale + prior))

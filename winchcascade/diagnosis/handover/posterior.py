@@ -16,7 +16,7 @@ from winchcascade.core.rig_file import Thresholds
 from winchcascade.diagnosis.diagnosis_result import Judgement
 from winchcascade.diagnosis.explain.planned_run import usual
 from winchcascade.diagnosis.fit.block_means import PAYOUT
-from winchcascade.diagnosis.fit.covariance import joint_covariance
+from winchcascade.diagnosis.fit.covariance import predictive_covariance
 from winchcascade.diagnosis.fit.misfit import log_of
 from winchcascade.diagnosis.fit.nuisances import LOAD
 from winchcascade.diagnosis.fit.predict import CHANNELS
@@ -205,7 +205,7 @@ def _left_by(found: ModelDiagnosis, fit: Fit) -> RigPosterior:
     """The rig of one fit, with every effect of it but errors of sensors and of single logs or
     loads.
     """
-    data, best = found.data, found.found.best
+    data = found.data
     chosen = [j for j, n in enumerate(data.nuisances) if n.kind in OF_THE_RIG]
     kept = {
         name: effect
@@ -223,9 +223,7 @@ def _left_by(found: ModelDiagnosis, fit: Fit) -> RigPosterior:
         numbers=tuple(data.nuisances[j] for j in chosen),
         moves=tuple(float(fit.nu[j]) * data.nuisances[j].sd for j in chosen),
         effects=tuple(kept.values()),
-        covariance=joint_covariance(found.found, None if fit is best else fit)[
-            np.ix_(places, places)
-        ]
+        covariance=predictive_covariance(data, found.found, fit)[np.ix_(places, places)]
         * np.outer(unit, unit),
     )
 
