@@ -124,9 +124,12 @@ class RigPosterior(msgspec.Struct, frozen=True):
             *(self.model(self.best + way, without) for way in self.directions()),
         ]
 
-    def draws(self, count: int, seed: int) -> list[Model]:
-        """Corrected rigs drawn from the posterior: of its `members` by their weights, of their
-        numbers and fields, and of how much each effect does by its law.
+    def draws(self, count: int, seed: int) -> list[tuple[Model, Model]]:
+        """Corrected rigs drawn from the posterior: of its `members` by their weights and of their
+        numbers and fields, each for what the logs cover and for what they do not.
+
+        What an effect does in the logs is known as the posterior has it. Beyond these logs it is
+        drawn, too, how much it does by its law.
         """
         rng, members = np.random.default_rng(seed), self.members
         ends = np.cumsum([one.weight for one in members])
@@ -135,8 +138,8 @@ class RigPosterior(msgspec.Struct, frozen=True):
             members[min(place, len(members) - 1)].draw(rng) for place in rng.permutation(places)
         ]
 
-    def draw(self, rng: np.random.Generator) -> Model:
-        """A rig drawn from this member of the posterior alone."""
+    def draw(self, rng: np.random.Generator) -> tuple[Model, Model]:
+        """A rig drawn from this member of the posterior alone, as `draws` gives it."""
         ways = self.directions()
         at = self.best + rng.standard_normal(len(ways)) @ ways
         drawn = found = self.model(at)
@@ -147,7 +150,7 @@ class RigPosterior(msgspec.Struct, frozen=True):
                     (self.model(at, one.effect.name), drawn),
                     max(LAW, one.effect.law_u) * rng.standard_normal(),
                 )
-        return possible(found)
+        return drawn, possible(found)
 
 
 def stretched(model: Model, change: tuple[Model, Model], share: float) -> Model:

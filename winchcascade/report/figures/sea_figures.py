@@ -29,9 +29,6 @@ if TYPE_CHECKING:
 
     from winchcascade.diagnosis.handover.posterior import Band
 
-COVERED = 0.05
-"""Share of the time beyond what the logs cover from which a sea is drawn as not covered. [1]"""
-
 COMPARED = ("best_over_fixed", "schedule_over_fixed", "schedule_over_best")
 """Comparisons of loads, in the order in which they are drawn."""
 
@@ -58,7 +55,7 @@ def power_figure(found: SeaStudy) -> Figure:
         return _matrix(rows)
     figure, (axes,) = panel_figure(2.4)
     x = np.arange(len(rows))
-    _bars(axes, x, [row.values["p_gen_w"] for row in rows], [row.outside > COVERED for row in rows])
+    _bars(axes, x, [row.values["p_gen_w"] for row in rows], [not row.covered() for row in rows])
     axes.set(ylabel="Mean power at the DC link (W)")
     from_zero(axes)
     _name_seas(axes, rows)
@@ -79,7 +76,7 @@ def _matrix(rows: Sequence[InSea]) -> Figure:
     for row in rows:
         place = periods.index(row.tp), heights.index(row.hs)
         text = f"{row.values['p_gen_w'].value:.3g}"
-        style = "italic" if row.outside > COVERED else "normal"
+        style = "normal" if row.covered() else "italic"
         axes.text(
             *place, text, ha="center", va="center", fontsize=size, style=style, color=COLOURS["ink"]
         )
@@ -152,7 +149,7 @@ def gains_figure(found: SeaStudy) -> Figure | None:
         colour = GAINS[k]
         percent = [_times(row.gain[name], 100.0) for row in rows]
         x = np.arange(len(rows)) + 0.2 * (k - 0.5 * (len(named) - 1))
-        _bars(axes, x, percent, [row.outside > COVERED for row in rows], colour)
+        _bars(axes, x, percent, [not row.covered(name) for row in rows], colour)
         entries.append(line_entry(name.replace("_", " "), colour, marker="o", ms=4))
     axes.axhline(0.0, color=COLOURS["soft"], lw=0.8)
     axes.set(ylabel="Gain of mean power (%)")
@@ -176,7 +173,7 @@ def peaks_figure(found: SeaStudy) -> Figure:
             axes,
             np.arange(len(rows)),
             [row.values[quantity] for row in rows],
-            [row.outside > COVERED for row in rows],
+            [not row.covered() for row in rows],
         )
         if name in found.limits and found.seas.froude == 1.0:
             axes.axhline(found.limits[name], color=COLOURS["repaired"], lw=1.0)

@@ -96,6 +96,7 @@ def design_record(found: Design) -> dict[str, Any]:
             | {
                 "high": one.gain and one.gain.high,
                 "within_domain": one.within_domain,
+                "gain_within_domain": one.gain_within_domain,
                 "reason": one.reason or None,
             }
             for one in found.schedule
@@ -221,6 +222,10 @@ def _schedule_table(found: Design) -> Any:
         ),
         Column(
             "domain", lambda one: one.reason or ("covered" if one.within_domain else "not covered")
+        ),
+        Column(
+            "domain of the gain",
+            lambda one: "" if one.gain is None else "covered" if one.gain_within_domain else "not covered",
         ),
     ]
     return table("schedule", "Best load of each band of generator speed.", columns, found.schedule)
