@@ -17,6 +17,7 @@ from winchcascade.core.jobs import all_at_once
 from winchcascade.core.run import Signal
 from winchcascade.core.viewed import Viewed
 from winchcascade.diagnosis.handover.posterior import NEAR, Band, RigPosterior, Tested
+from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.rig.best_load import largest_at
 from winchcascade.rig.kernel import COLUMNS
 from winchcascade.rig.parts import Model
@@ -278,6 +279,22 @@ def band_of(values: Signal) -> Band:
     return Band(float(values[0]), *np.quantile(values[1:], ENDS, method="weibull").tolist())
 
 
+def gain_of(one: Signal, other: Signal) -> Band:
+    """Relative gain of mean power at the DC link over another control, by `QUANTITIES` of the best
+    model and the drawn ones, (1 + draws, quantities) each. [1]
+
+    The pulses of the bridge also move this power, by no more than they cost and at each load
+    differently. That is not solved: each power is uncertain by it, evenly up to the cost. In the
+    logs the same pulses act, so the fit takes up what is common to all loads.
+    """
+    power, costs = ([x[:, PLACE[name]] for x in (one, other)] for name in ("p_gen_w", "ripple_w"))
+    band = band_of(power[0] / power[1] - 1.0)
+    shares = [cost[0] / own[0] for cost, own in zip(costs, power, strict=True)]
+    half = COVERED * (1.0 + band.value) * math.hypot(*shares) / math.sqrt(3.0)
+    low, high = (math.hypot(end - band.value, half) for end in (band.low, band.high))
+    return Band(band.value, band.value - low, band.value + high)
+
+
 PathOf = Callable[[Model, Control], SeaPath]
 """The motion of the line with a model at a control; LogError where the rig has no room for it."""
 
@@ -392,9 +409,9 @@ def _in_sea(rig: Rig, seas: Seas, k: int, controls: Mapping[str, Control]) -> tu
         best_load=controls["best"].loads[0] if "best" in controls else math.nan,
         power={name: band_of(own) for name, own in power.items() if name != "fixed"},
         gain={
-            f"{one}_over_{other}": band_of(power[one] / power[other] - 1.0)
+            f"{one}_over_{other}": gain_of(found[one], found[other])
             for one, other in (("best", "fixed"), ("schedule", "fixed"), ("schedule", "best"))
-            if one in power and other in power
+            if one in found and other in found
         },
     )
     return row, power["fixed"]

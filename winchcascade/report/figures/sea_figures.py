@@ -140,16 +140,17 @@ def losses_figure(found: SeaStudy) -> Figure:
 def gains_figure(found: SeaStudy) -> Figure | None:
     """Gain of power of one way to choose the load over another, sea by sea; None without any."""
     rows = [row for row in found.rows if row.gain]
-    named = [name for name in COMPARED if rows and name in rows[0].gain]
+    named = [name for name in COMPARED if any(name in row.gain for row in rows)]
     if not named:
         return None
     figure, (axes,) = panel_figure(2.4)
     entries = []
     for k, name in enumerate(named):
         colour = GAINS[k]
-        percent = [_times(row.gain[name], 100.0) for row in rows]
-        x = np.arange(len(rows)) + 0.2 * (k - 0.5 * (len(named) - 1))
-        _bars(axes, x, percent, [not row.covered(name) for row in rows], colour)
+        having = [at for at, row in enumerate(rows) if name in row.gain]
+        percent = [_times(rows[at].gain[name], 100.0) for at in having]
+        x = np.array(having) + 0.2 * (k - 0.5 * (len(named) - 1))
+        _bars(axes, x, percent, [not rows[at].covered(name) for at in having], colour)
         entries.append(line_entry(name.replace("_", " "), colour, marker="o", ms=4))
     axes.axhline(0.0, color=COLOURS["soft"], lw=0.8)
     axes.set(ylabel="Gain of mean power (%)")

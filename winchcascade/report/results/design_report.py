@@ -220,15 +220,16 @@ def _schedule_table(found: Design) -> Any:
             "%",
             2,
         ),
-        Column(
-            "domain", lambda one: one.reason or ("covered" if one.within_domain else "not covered")
-        ),
-        Column(
-            "domain of the gain",
-            lambda one: "" if one.gain is None else "covered" if one.gain_within_domain else "not covered",
-        ),
+        Column("domain", _domain),
     ]
     return table("schedule", "Best load of each band of generator speed.", columns, found.schedule)
+
+
+def _domain(one: Scheduled) -> str:
+    """Whether the logs cover a scheduled load, and the fixed load that its gain is over."""
+    if one.reason or not one.within_domain:
+        return one.reason or "not covered"
+    return "covered" if one.gain is None or one.gain_within_domain else "gain not covered"
 
 
 def _map_table(found: Design) -> Any:

@@ -250,7 +250,9 @@ def _gains_table(found: SeaStudy) -> Any:
     rows = [row for row in found.rows if row.gain]
     best = Column[InSea]("best load", lambda row: row.best_load, "ohm")
     gains = [
-        Column[InSea](name.replace("_", " "), partial(_gain, name), "%") for name in rows[0].gain
+        Column[InSea](name.replace("_", " "), partial(_gain, name), "%")
+        for name in figures.COMPARED
+        if any(name in row.gain for row in rows)
     ]
     domain = Column[InSea]("not covered", _not_covered)
     caption = (
@@ -266,7 +268,7 @@ def _not_covered(row: InSea) -> Cell:
 
 
 def _gain(name: str, row: InSea) -> Cell:
-    return band_span(row.gain[name], 100.0)
+    return band_span(row.gain[name], 100.0) if name in row.gain else None
 
 
 def _peaks_table(found: SeaStudy) -> Any:
