@@ -232,10 +232,12 @@ class CorrectedRig:
         """
         found = [points(one.each, [path], [load, fixed]) for one in self.explanations]
         covered, each = self.covers([path], found[0][0]).all(), []
+        u_ratio = self.tested.u_ratio([load], [fixed])
         for one, every in zip(self.explanations, found, strict=True):
             with_load, with_fixed = every[:, 0, :, PLACE[metric]].T
             gains = with_load / with_fixed - 1.0
-            each.append((gains[0], one.u(gains, covered)))
+            u = np.hypot(one.u(gains, covered), u_ratio * (1.0 + gains[0]))
+            each.append((gains[0], u))
         return Band(*self._mixture(each).tolist()), bool(covered)
 
     def covers(self, paths: Sequence[Path], found: Signal) -> Mask:

@@ -279,18 +279,15 @@ def band_of(values: Signal) -> Band:
     return Band(float(values[0]), *np.quantile(values[1:], ENDS, method="weibull").tolist())
 
 
-def gain_of(one: Signal, other: Signal) -> Band:
-    """Relative gain of mean power at the DC link over another control, by `QUANTITIES` of the best
-    model and the drawn ones, (1 + draws, quantities) each. [1]
+def gain_of(gains: Signal, u_ratio: float) -> Band:
+    """A relative gain of power by the best model and the drawn ones, (1 + draws,). [1]
 
-    The pulses of the bridge also move this power, by no more than they cost and at each load
-    differently. That is not solved: each power is uncertain by it, evenly up to the cost. In the
-    logs the same pulses act, so the fit takes up what is common to all loads.
+    Parameters
+    ----------
+    u_ratio : standard uncertainty of the ratio of the powers beside that of the models, as a share
     """
-    power, costs = ([x[:, PLACE[name]] for x in (one, other)] for name in ("p_gen_w", "ripple_w"))
-    band = band_of(power[0] / power[1] - 1.0)
-    shares = [cost[0] / own[0] for cost, own in zip(costs, power, strict=True)]
-    half = COVERED * (1.0 + band.value) * math.hypot(*shares) / math.sqrt(3.0)
+    band = band_of(gains)
+    half = COVERED * u_ratio * (1.0 + band.value)
     low, high = (math.hypot(end - band.value, half) for end in (band.low, band.high))
     return Band(band.value, band.value - low, band.value + high)
 
@@ -409,9 +406,12 @@ def _in_sea(rig: Rig, seas: Seas, k: int, controls: Mapping[str, Control]) -> tu
         best_load=controls["best"].loads[0] if "best" in controls else math.nan,
         power={name: band_of(own) for name, own in power.items() if name != "fixed"},
         gain={
-            f"{one}_over_{other}": gain_of(found[one], found[other])
+            f"{one}_over_{other}": gain_of(
+                power[one] / power[other] - 1.0,
+                rig.tested.u_ratio(controls[one].loads, controls[other].loads),
+            )
             for one, other in (("best", "fixed"), ("schedule", "fixed"), ("schedule", "best"))
-            if one in found and other in found
+            if one in power and other in power
         },
     )
     return row, power["fixed"]

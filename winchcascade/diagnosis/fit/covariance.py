@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from winchcascade.diagnosis.fit.block_means import PAYOUT, PHASES
 from winchcascade.diagnosis.fit.evidence import Fit, inside_of
 from winchcascade.diagnosis.fit.marginal import weights
 from winchcascade.diagnosis.fit.misfit import Fitted, log_of
@@ -134,10 +135,29 @@ def predictive_covariance(data: Fitted, found: Found, fit: Fit | None = None) ->
     of the square remains.
     """
     fit = fit or found.best
-    known, count = _known_by(data, found, fit, np.ones(data.blocks.size)), len(data.nuisances)
-    share = discrepancy_found(data, fit.nu, 1.0 - np.diag(known)[-count:])
+    known, share = _known_and_found(data, found, fit)
     excess = np.concatenate([np.zeros(fit.x.size), 1.0 - share])
     return joint_covariance(found, fit) - (known * excess) @ known
+
+
+def voltage_of_a_load(data: Fitted, found: Found) -> float:
+    """Standard deviation of Vdc in payout at one load beside that at all, as a share of its
+    plateau: of the discrepancy of the model, with the size that the best fit finds. [1]
+    """
+    _, share = _known_and_found(data, found, found.best)
+    squares: dict[float, float] = {}
+    for n, own in zip(data.nuisances, share, strict=True):
+        if (n.kind, n.name, n.phase) == ("discrepancy", "vdc", PHASES[PAYOUT]):
+            squares[n.load] = squares.get(n.load, 0.0) + float(own) * n.sd**2
+    return math.sqrt(max((x for load, x in squares.items() if math.isfinite(load)), default=0.0))
+
+
+def _known_and_found(data: Fitted, found: Found, fit: Fit) -> tuple[Signal, Signal]:
+    """Covariance of a fit by least squares, (k + n, k + n), and the variance of each nuisance over
+    the one that is allowed, (n,).
+    """
+    known, count = _known_by(data, found, fit, np.ones(data.blocks.size)), len(data.nuisances)
+    return known, discrepancy_found(data, fit.nu, 1.0 - np.diag(known)[-count:])
 
 
 def covariance_without(data: Fitted, found: Found, load: float) -> Signal:
@@ -160,7 +180,7 @@ def _known_by(data: Fitted, found: Found, fit: Fit, taking: Signal) -> Signal:
 
     Parameters
     ----------
-    taking : (M,) weight of each block, which those of a log alone have none of
+    taking : (M,) weight of each block; fields of one log alone keep all of theirs
     """
     fields = -found.marginal.undone(found.columns(fit)) * inside_of(fit)
     of_a_log = np.zeros(fit.x.size, dtype=bool)

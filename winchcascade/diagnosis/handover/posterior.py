@@ -16,7 +16,7 @@ from winchcascade.core.rig_file import Thresholds
 from winchcascade.diagnosis.diagnosis_result import Judgement
 from winchcascade.diagnosis.explain.planned_run import usual
 from winchcascade.diagnosis.fit.block_means import PAYOUT
-from winchcascade.diagnosis.fit.covariance import predictive_covariance
+from winchcascade.diagnosis.fit.covariance import predictive_covariance, voltage_of_a_load
 from winchcascade.diagnosis.fit.misfit import log_of
 from winchcascade.diagnosis.fit.nuisances import LOAD
 from winchcascade.diagnosis.fit.predict import CHANNELS
@@ -240,7 +240,8 @@ class Tested(msgspec.Struct, frozen=True):
     `speed`, `length` and `ramp` are those of a usual payout with a load: its fastest plateau, its
     travel and the time of its ramp. `warm` is the DC current (rms over a cycle) that keeps the
     machine as warm as in its warmest run, repeated at the spacing of the runs; None without
-    heating. The `judgement` is that of the diagnosis, `thresholds` are those by which its logs are
+    heating. `u_load` is how well Vdc is known at one load beside that at all, as a share, by the
+    discrepancy of the model. The `judgement` is that of the diagnosis, `thresholds` are those by which its logs are
     reduced; what is left out follows the scales of a motion.
     """
 
@@ -254,12 +255,30 @@ class Tested(msgspec.Struct, frozen=True):
     length: float
     ramp: float
     warm: float | None = None
+    u_load: float = 0.0
     thresholds: dict[str, float] = {}
 
     @property
     def rules(self) -> Thresholds:
         """The thresholds by which a motion has payouts and plateaus."""
         return msgspec.structs.replace(Thresholds(), **self.thresholds)
+
+    def u_ratio(self, one: Sequence[float], other: Sequence[float]) -> float:
+        """Standard uncertainty of the ratio of two powers at the DC link as a share, by the
+        discrepancy that each load has of its own. [1]
+
+        Between the loads of the logs it follows the logarithm of the load by straight lines.
+
+        Parameters
+        ----------
+        one, other : load of each power, or loads of its schedule, which count alike [ohm]
+        """
+        at = np.log(self.loads)
+        weights = [
+            [float(np.mean(np.interp(np.log(loads), at, own))) for own in np.eye(at.size)]
+            for loads in (one, other)
+        ]
+        return 2.0 * self.u_load * float(np.linalg.norm(np.subtract(*weights)))
 
     def covers(self, speed: Signal, current: Signal, force: Signal) -> Signal:
         """Whether speeds [m/s], DC currents [A] and tensions [N], (n,) each, lie within what was
@@ -311,6 +330,7 @@ def tested_by(found: ModelDiagnosis) -> Tested | None:
         length=seen.length,
         ramp=seen.ramp,
         warm=_warm(found),
+        u_load=voltage_of_a_load(data, found.found),
         thresholds={
             name: value
             for name, value in msgspec.structs.asdict(data.rig.thresholds).items()
