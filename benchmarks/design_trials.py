@@ -221,13 +221,15 @@ def payout(speed: float, length: float, ramp: float) -> Motion:
 def predictions(twin: Twin, rig: CorrectedRig) -> Iterator[Row]:
     """Power and efficiency at withheld loads, speeds and ramps."""
     motions = [payout(speed, rig.tested.length, ramp) for speed, ramp in MOTIONS]
-    bands = rig.bands([rig.path(motion) for motion in motions], WITHHELD)
+    paths = [rig.path(motion) for motion in motions]
+    bands = rig.bands(paths, WITHHELD)
+    covered = rig.covers(paths, bands[0])
     for i, motion in enumerate(motions):
         for j, load in enumerate(WITHHELD):
-            inside = rig.covers(np.array([motion.speed]), bands[0, i, j : j + 1])[0]
             true = truth(twin, motion, load, rig.tested.rules)
             for name in METRIC.values():
-                of, k = f"{name} {'in its band' if inside else 'beyond the domain'}", PLACE[name]
+                within = "in its band" if covered[i, j] else "beyond the domain"
+                of, k = f"{name} {within}", PLACE[name]
                 yield interval(
                     of, true[name], Band(*bands[:, i, j, k].tolist()), 0.0, load, motion.speed
                 )

@@ -224,7 +224,9 @@ def test_bands_and_worths_hold_a_look_alike_that_costs_nothing(
         assert (band.low < other < band.high) or weight < 0.025
 
 
-def test_bands_are_as_wide_as_the_law_of_each_effect_is_known(small: RigPosterior) -> None:
+def test_beyond_the_logs_bands_are_as_wide_as_the_law_of_each_effect_is_known(
+    small: RigPosterior,
+) -> None:
     effect = make_effect("stribeck", {"torque": 5.0})
     law = effect.effect.law_u
     exact = np.zeros((len(small.moves) + len(effect.values),) * 2)
@@ -232,7 +234,8 @@ def test_bands_are_as_wide_as_the_law_of_each_effect_is_known(small: RigPosterio
     explanation = Explanation(certain)
     found = np.array([5.0, *np.full(len(explanation.moved) - 1, 5.0), 3.0])
     assert explanation.laws == {"stribeck": law}
-    assert explanation.u(found) == pytest.approx(2.0 * law)
+    assert explanation.u(found, np.bool_(False)) == pytest.approx(2.0 * law)
+    assert explanation.u(found, np.bool_(True)) == 0.0
 
 
 @given(

@@ -152,3 +152,12 @@ def test_logs_without_a_current_are_diagnosed_and_recorded(idc: float | None) ->
         )
         > 1
     )
+
+
+def test_powers_of_one_load_have_no_discrepancy_of_their_own(tested: Tested) -> None:
+    known = msgspec.structs.replace(tested, loads=(9.0, 18.0, 36.0), u_load=1e-3)
+    assert known.u_ratio([12.0], [12.0]) == 0.0
+    assert known.u_ratio([9.0], [36.0]) == pytest.approx(2.0 * math.sqrt(2.0) * 1e-3)
+    assert known.u_ratio([9.0, 36.0], [18.0]) == pytest.approx(2.0 * math.sqrt(1.5) * 1e-3)
+    assert 0.0 < known.u_ratio([9.0], [10.0]) < known.u_ratio([9.0], [12.0])
+    assert 0.0 < tested.u_load < 2e-3  # less than the rig file allows

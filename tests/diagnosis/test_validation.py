@@ -16,7 +16,7 @@ from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.explain.validation import Compared
 from winchcascade.diagnosis.explain.windowed import QUANTITIES, quantities_of, windowed
-from winchcascade.diagnosis.fit.covariance import covariance_without, joint_covariance
+from winchcascade.diagnosis.fit.covariance import covariance_without, predictive_covariance
 from winchcascade.diagnosis.fit.nuisances import SKEW, stated_share
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.verdict_limits import AS_GOOD
@@ -180,7 +180,7 @@ def test_the_uncertainty_of_the_inputs_is_what_the_rig_file_states() -> None:
 @pytest.mark.parametrize("name", ["copper", "rolloff"])
 def test_a_fit_without_the_logs_of_a_load_knows_less(name: str) -> None:
     found = diagnosed(name)
-    joint = joint_covariance(found.found)
+    joint = predictive_covariance(found.data, found.found)
     assert covariance_without(found.data, found.found, -1.0) == pytest.approx(joint)
     for load in LOGS.values():
         more = covariance_without(found.data, found.found, load) - joint

@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 
 import h5py
+import msgspec
 import numpy as np
 import pytest
 from calls import call
@@ -88,11 +89,45 @@ def test_froude_scales_powers_of_the_same_waves(small: RigPosterior, covered: Co
 
 
 def test_draws_have_the_spread_of_the_posterior(small: RigPosterior) -> None:
-    own = np.array([model.generator.k_e for model in small.draws(400, 1)])
+    own = np.array([model.generator.k_e for model, _ in small.draws(400, 1)])
     assert float(np.std(own) / np.mean(own)) == pytest.approx(0.004, rel=0.15)
-    assert [model.generator.k_e for model in small.draws(3, 1)] == [
-        model.generator.k_e for model in small.draws(3, 1)
-    ]
+    assert small.draws(3, 1) == small.draws(3, 1)
+
+
+def test_beyond_the_logs_draws_have_the_laws_of_the_effects_too(small: RigPosterior) -> None:
+    known = msgspec.structs.replace(small, covariance=np.zeros_like(small.covariance), others=())
+    given = known.model()
+    for within, beyond in known.draws(3, 1):
+        assert within == given
+        assert beyond.generator.r_s != given.generator.r_s
+        assert beyond.generator.r_s == pytest.approx(given.generator.r_s, rel=0.02)
+
+
+def test_the_best_fixed_load_is_within_the_limits_and_the_logs(
+    small: RigPosterior, covered: Covered, found: SeaStudy
+) -> None:
+    free = sea_study(small, covered, SEAS, compare=True, draws=0)
+    assert all(9.0 <= row.best_load <= 36.0 for row in free.rows)
+    largest = max(row.values["i_s_a"].value for row in free.rows)
+    limits = {"current": 0.8 * largest}
+    held = sea_study(small, covered, SEAS, compare=True, draws=0, limits=limits)
+    assert held.load > free.load
+    assert not any(row.exceeds for row in held.rows)
+    with pytest.raises(OptionError, match="limits"):
+        sea_study(small, covered, SEAS, draws=0, limits={"speed": 1.0})
+
+
+def test_a_gain_of_a_load_that_the_logs_do_not_cover_is_flagged(
+    small: RigPosterior, covered: Covered
+) -> None:
+    narrow = msgspec.structs.replace(
+        covered, border=((0.0, 0.0), (1.0, 0.0), (1.0, 4.0), (0.0, 4.0))
+    )
+    (row,) = sea_study(
+        small, narrow, Seas(SEAS.states[1:], (1.0,), minutes=1.0), load=36.0, compare=True, draws=0
+    ).rows
+    assert row.covered()
+    assert not row.covered("best_over_fixed")
 
 
 def test_rows_of_a_scatter_table_are_put_into_bins(tmp_path: Path) -> None:

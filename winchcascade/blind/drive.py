@@ -64,6 +64,8 @@ class Drive(NamedTuple):
     Parameters
     ----------
     load : resistance at the DC link [ohm]
+    speeds, shares : speeds of the rotor that rise, and the share of the load that a controller sets
+        at each, by straight lines between them [rad/s, 1]
     rotor_windage, rotor_friction : further drag on the high-speed shaft [N m s2/rad2, N m]
     law, knee, width, power : of the roll-off [one of `KNEE`, `LINE`, `BELL`; A, A or 1/A, 1]
     warming : rise of the load with the heat in it [1/J]
@@ -82,6 +84,8 @@ class Drive(NamedTuple):
     fixed: Fixed
     numbers: Numbers
     load: float
+    speeds: tuple[float, ...] = (0.0,)
+    shares: tuple[float, ...] = (1.0,)
     rotor_windage: float = 0.0
     rotor_friction: float = 0.0
     law: float = KNEE
@@ -341,6 +345,18 @@ def _diode(current: float, d: Drive) -> float:
 
 
 @njit(cache=True)
+def _share_of_load(omega: float, d: Drive) -> float:
+    """Share of the load that a controller sets at a speed of the rotor. [1]"""
+    k, last = 0, len(d.speeds) - 1
+    while k < last and omega > d.speeds[k + 1]:
+        k += 1
+    if k == last or omega <= d.speeds[k]:
+        return d.shares[k]
+    way = (omega - d.speeds[k]) / (d.speeds[k + 1] - d.speeds[k])
+    return d.shares[k] + (d.shares[k + 1] - d.shares[k]) * way
+
+
+@njit(cache=True)
 def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int) -> tuple[Signal, Signal]:
     """Step the drive from rest.
 
@@ -401,7 +417,7 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int) -> tuple[Si
             driving = torque * loaded / mesh[n]
             then = max(omega + dt * (driving + dragging / f.gear - brake - drag) / f.j_rotor, 0.0)
             # DC link and load
-            load = d.load * (1.0 + d.warming * heat)
+            load = d.load * _share_of_load(omega, d) * (1.0 + d.warming * heat)
             v_then, leaking = _link(v_dc, charge, load + d.cable, dt, d)
             middle, mean_omega = 0.5 * (v_dc + v_then), 0.5 * (omega + then)
             seen_v = middle * (load / (load + d.cable))

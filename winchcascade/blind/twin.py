@@ -39,7 +39,8 @@ class Twin(msgspec.Struct, frozen=True):
     paper's: see `Machine`.
 
     `zeros` are zeros of sensors by channel beside those that a log draws, in the unit of the log.
-    `fixed` are the numbers that no campaign draws.
+    `fixed` are the numbers that no campaign draws. A `schedule` is that of a controller of the
+    load: speeds of the rotor [rad/s] and shares of the load [1], as `Drive` has them.
     """
 
     numbers: Numbers
@@ -49,6 +50,7 @@ class Twin(msgspec.Struct, frozen=True):
     zeros: dict[str, float] = {}
     fixed: Fixed = FIXED
     restoring: Restoring = Restoring()
+    schedule: tuple[tuple[float, ...], tuple[float, ...]] = ((0.0,), (1.0,))
 
 
 class Solved(msgspec.Struct, frozen=True):
@@ -140,6 +142,8 @@ def drive_of(twin: Twin, log: str) -> Drive:
         fixed=fixed._replace(j_rotor=rotor, v_diode=diodes),
         numbers=numbers,
         load=twin.loads[log] * (1.0 + hidden.get("load_drift") * (log != "open_circuit")),
+        speeds=twin.schedule[0],
+        shares=twin.schedule[1],
         warming=hidden.get("warming_load") / 40e3,
         gear_slope=hidden.get("gear_slope") / FULL_TORQUE,
         gear_curve=hidden.get("gear_curve") / FULL_TORQUE**2,

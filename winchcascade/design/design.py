@@ -25,10 +25,11 @@ from winchcascade.design.operating import (
 from winchcascade.diagnosis.handover.posterior import Band, RigPosterior, Tested
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.verdict_limits import LAW
+from winchcascade.rig.best_load import largest_at
 from winchcascade.rig.physics import RPM
 
 if TYPE_CHECKING:
-    from winchcascade.core.run import Signal
+    from winchcascade.core.run import Mask, Signal
 
 SPEEDS, SLOWEST = 7, 0.3
 """Number of line speeds of a map, and the slowest as a share of the fastest of the campaign. [1]"""
@@ -97,6 +98,9 @@ class OperatingPoint(msgspec.Struct, frozen=True):
 class Scheduled(msgspec.Struct, frozen=True):
     """The best load [ohm] for a band of generator speed [rpm], its gain over the best fixed load
     [1], and why there is none.
+
+    `within_domain` is whether the logs cover the load there, `gain_within_domain` whether they
+    cover the fixed load, too.
     """
 
     rpm_low: float
@@ -106,6 +110,7 @@ class Scheduled(msgspec.Struct, frozen=True):
     load: float | None
     gain: Band | None
     within_domain: bool = True
+    gain_within_domain: bool = True
     reason: str = ""
 
 
@@ -151,6 +156,9 @@ class Explanation:
     """A corrected rig by one fit: models by which its operating points have uncertainties, of its
     posterior and of its laws.
 
+    What an effect does in the logs is known as the posterior has it, whatever its law: how well the
+    law is known counts beyond these logs, and for the rig without the effect.
+
     `moved` are the best model and it moved along every direction of the posterior, `repaired` the
     same without each effect that acts, `laws` how well the law of each is known [1], and `each` are
     `moved` and the best models without each effect.
@@ -166,12 +174,14 @@ class Explanation:
         self.repaired = {name: posterior.models(name) for name in self.laws}
         self.each = [*self.moved, *(models[0] for models in self.repaired.values())]
 
-    def u(self, found: Signal) -> Signal:
-        """Standard uncertainty of what `each` gives, (models, ...): by the posterior and by the
-        laws of the effects.
+    def u(self, found: Signal, covered: Mask) -> Signal:
+        """Standard uncertainty of what `each` gives, (models, ...): by the posterior and, where the
+        logs do not cover it, by the laws of the effects.
         """
-        known = np.array([*np.ones(len(self.moved) - 1), *self.laws.values()])
-        return np.asarray(np.linalg.norm((found[1:] - found[0]).T * known, axis=-1).T)
+        changes, count = np.moveaxis(found[1:] - found[0], 0, -1), len(self.moved) - 1
+        posterior = np.linalg.norm(changes[..., :count], axis=-1)
+        laws = np.linalg.norm(changes[..., count:] * [*self.laws.values()], axis=-1)
+        return np.asarray(np.hypot(posterior, np.where(covered, 0.0, laws)))
 
 
 class CorrectedRig:
@@ -201,8 +211,12 @@ class CorrectedRig:
         motions, loads, quantities).
         """
         found = [points(one.each, paths, loads) for one in self.explanations]
+        covered = self.covers(paths, found[0][0])[:, :, None]
         return self._mixture(
-            [(every[0], one.u(every)) for one, every in zip(self.explanations, found, strict=True)]
+            [
+                (every[0], one.u(every, covered))
+                for one, every in zip(self.explanations, found, strict=True)
+            ]
         )
 
     def _mixture(self, each: Sequence[tuple[Signal, Signal]]) -> Signal:
@@ -212,18 +226,27 @@ class CorrectedRig:
         values, u = (np.array(several) for several in zip(*each, strict=True))
         return np.stack([values[0], *mixed(self.weights, values, u)])
 
-    def gain(self, path: Path, load: float, fixed: float, metric: str) -> Band:
-        """How much larger a metric is with a load than with a fixed one. [1]"""
-        each = []
-        for one in self.explanations:
-            found = points(one.each, [path], [load, fixed])[:, 0, :, PLACE[metric]]
-            gains = found[:, 0] / found[:, 1] - 1.0
-            each.append((gains[0], one.u(gains)))
-        return Band(*self._mixture(each).tolist())
+    def gain(self, path: Path, load: float, fixed: float, metric: str) -> tuple[Band, bool]:
+        """How much larger a metric is with a load than with a fixed one [1], and whether the logs
+        cover both.
+        """
+        found = [points(one.each, [path], [load, fixed]) for one in self.explanations]
+        covered, each = self.covers([path], found[0][0]).all(), []
+        u_ratio = self.tested.u_ratio([load], [fixed])
+        for one, every in zip(self.explanations, found, strict=True):
+            with_load, with_fixed = every[:, 0, :, PLACE[metric]].T
+            gains = with_load / with_fixed - 1.0
+            u = np.hypot(one.u(gains, covered), u_ratio * (1.0 + gains[0]))
+            each.append((gains[0], u))
+        return Band(*self._mixture(each).tolist()), bool(covered)
 
-    def covers(self, speed: Signal, found: Signal) -> Signal:
-        """Whether the logs cover quantities, (n, quantities), at line speeds [m/s], (n,)."""
-        return self.tested.covers(speed, found[:, PLACE["i_dc_a"]], found[:, PLACE["force_n"]])
+    def covers(self, paths: Sequence[Path], found: Signal) -> Mask:
+        """Whether the logs cover quantities along some motions, (motions, loads) of (motions,
+        loads, quantities).
+        """
+        speed = np.repeat([path.speed for path in paths], found.shape[1])
+        current, force = (found[:, :, PLACE[name]].ravel() for name in ("i_dc_a", "force_n"))
+        return self.tested.covers(speed, current, force).reshape(found.shape[:2])
 
     def worth(self, name: str, shares: Sequence[Share], load: float) -> Repair:
         """What a repair brings over some motions at a load; nothing by an explanation without the
@@ -234,7 +257,7 @@ class CorrectedRig:
         paths = [self.path(share.motion) for share in shares]
         several = [one for one in self.explanations if name in one.repaired]
         repaired, acting = (
-            [points(models, paths, [load])[:, :, 0] for models in of]
+            [points(models, paths, [load]) for models in of]
             for of in ([one.repaired[name] for one in several], [one.moved for one in several])
         )
         number = np.array([share.per_year for share in shares])
@@ -244,7 +267,7 @@ class CorrectedRig:
         def change(quantity: str, per: float = 1.0) -> Band:
             each = {}
             for one, without, within in zip(several, repaired, acting, strict=True):
-                own = per * (without - within)[:, :, PLACE[quantity]] @ weights
+                own = per * (without - within)[:, :, 0, PLACE[quantity]] @ weights
                 law = one.laws[name] * own[0]
                 each[one] = own[0], np.hypot(np.linalg.norm(own[1:] - own[0]), law)
             nothing = np.float64(0.0), np.float64(0.0)
@@ -256,11 +279,8 @@ class CorrectedRig:
             return Band(value, low, high)
 
         per_year = change("e_gen_j", float(number.sum()) / JOULES_PER_KWH) if yearly else None
-        speeds = np.array([share.motion.speed for share in shares])
-        covered = np.concatenate([self.covers(speeds, found[0][0]) for found in (acting, repaired)])
-        return Repair(
-            name, change("e_gen_j"), per_year, change("e_line_j", -1.0), bool(covered.all())
-        )
+        covered = all(self.covers(paths, found[0][0]).all() for found in (acting, repaired))
+        return Repair(name, change("e_gen_j"), per_year, change("e_line_j", -1.0), covered)
 
 
 def mixed(weights: Signal, values: Signal, u: Signal) -> tuple[Signal, Signal]:
@@ -388,15 +408,16 @@ def _map(
     limits: Limits,
 ) -> list[OperatingPoint]:
     """Every load at every speed, with bands."""
-    bands = rig.bands([rig.path(cycle_at(speed)) for speed in speeds], loads)
+    paths = [rig.path(cycle_at(speed)) for speed in speeds]
+    bands = rig.bands(paths, loads)
     best, rows = bands[0], []
+    covered = rig.covers(paths, best)
     bands[:, :, :, PLACE["rpm"]] = best[:, :, PLACE["rpm"]]
     for i, speed in enumerate(speeds):
-        covered = rig.covers(np.full(len(loads), speed), best[i])
         for j, load in enumerate(loads):
             values = {name: Band(*bands[:, i, j, k].tolist()) for name, k in PLACE.items()}
             exceeded = tuple(limits.exceeded(best[i, j]))
-            rows.append(OperatingPoint(load, speed, values, bool(covered[j]), exceeded))
+            rows.append(OperatingPoint(load, speed, values, bool(covered[i, j]), exceeded))
     return rows
 
 
@@ -459,27 +480,17 @@ def _schedule(
                     None,
                     None,
                     False,
+                    False,
                     f"every load exceeds the {which} limit",
                 )
             )
             continue
-        load = _largest_at(candidates, values[k])
-        inside = rig.covers(middles[k : k + 1], points([model], [path], [load])[0, 0])
-        gain = rig.gain(path, load, fixed, METRIC[criterion]) if np.isfinite(in_all).any() else None
+        load = largest_at(candidates, values[k])
+        inside = bool(rig.covers([path], points([model], [path], [load])[0]).all())
+        gain: tuple[Band | None, bool] = None, False
+        if np.isfinite(in_all).any():
+            gain = rig.gain(path, load, fixed, METRIC[criterion])
         scheduled.append(
-            Scheduled(*ends, float(middles[k]), criterion, load, gain, bool(inside[0]))
+            Scheduled(*ends, float(middles[k]), criterion, load, gain[0], inside, gain[1])
         )
     return scheduled, fixed if np.isfinite(in_all).any() else math.nan
-
-
-def _largest_at(loads: Signal, values: Signal) -> float:
-    """Where a metric is largest over the logarithm of the load, by a parabola through the three
-    highest neighbours. [ohm]
-    """
-    k = int(np.argmax(values))
-    if not 0 < k < loads.size - 1 or not np.all(np.isfinite(values[k - 1 : k + 2])):
-        return float(loads[k])
-    before, here, after = values[k - 1 : k + 2].tolist()
-    curve = before - 2.0 * here + after
-    shift = 0.5 * (before - after) / curve if curve < 0.0 else 0.0
-    return float(loads[k] * (loads[k + 1] / loads[k]) ** shift)

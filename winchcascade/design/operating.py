@@ -119,8 +119,9 @@ ended.
 
 
 class Path(NamedTuple):
-    """A motion of some cycles at even steps, with the direction of friction (n,), and begin and end
-    of each payout and of each plateau that there is, (k, 2) and (l, 2) [s].
+    """A motion of some cycles at even steps, with the direction of friction (n,), begin and end of
+    each payout and of each plateau that there is, (k, 2) and (l, 2) [s], and the speed of its
+    plateau [m/s].
     """
 
     motion: LineMotion
@@ -128,6 +129,7 @@ class Path(NamedTuple):
     payouts: Signal
     plateaus: Signal
     cycles: int
+    speed: float
 
 
 def path_of(motion: Motion, model: Model, thresholds: Thresholds = Thresholds()) -> Path:  # noqa: B008
@@ -169,7 +171,8 @@ def path_of(motion: Motion, model: Model, thresholds: Thresholds = Thresholds())
     plateaus = np.array(
         [(one.begin, one.braking) for one in phased.plateaus if one is not None]
     ).reshape(-1, 2)
-    return Path(even, physics.direction(even.v, rest), payouts, plateaus, motion.cycles)
+    direction = physics.direction(even.v, rest)
+    return Path(even, direction, payouts, plateaus, motion.cycles, motion.speed)
 
 
 MOST_STEPS = 1_500_000

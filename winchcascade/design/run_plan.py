@@ -42,9 +42,9 @@ from winchcascade.diagnosis.explain.planning import (
     listed,
     options_after,
 )
+from winchcascade.diagnosis.fit.covariance import predictive_covariance
 from winchcascade.diagnosis.fit.suspects import freedom, with_values
 from winchcascade.diagnosis.handover.posterior import OF_THE_RIG, RigPosterior, posterior_of_rig
-from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.simulate import check_travel
 from winchcascade.rig.steps import RESOLVED, rate_of_the_rotor
@@ -243,7 +243,7 @@ def determine(basis: Basis, metric: str, wanted: float, most: int = MOST) -> Run
     """Plan runs after which a metric is known to a standard uncertainty, at every load at the
     fastest speed planned for it.
 
-    That of the laws of the effects is left by any runs.
+    The laws of the effects add nothing, as the runs cover the points.
 
     Raises
     ------
@@ -276,6 +276,7 @@ def determine(basis: Basis, metric: str, wanted: float, most: int = MOST) -> Run
     else:
         found, posterior = basis.found.found, posterior_of_rig(basis.found)
         known, scale = explanation_of(found, found.best), found.scale
+        known = known._replace(covariance=predictive_covariance(basis.found.data, found))
         kept = [
             found.best.place[name]
             for name, effect in known.effects.items()
@@ -287,11 +288,6 @@ def determine(basis: Basis, metric: str, wanted: float, most: int = MOST) -> Run
     places = [*(count + j for j, _ in numbers), *fields]
     sd = np.sqrt(np.diag(posterior.covariance))
     moved = [posterior.model(posterior.best + way) for way in np.diag(sd)]
-    laws = [
-        posterior.model(without=one.effect.name)
-        for one in posterior.effects
-        if one.effect.entry is None
-    ]
     best, length, ramp = posterior.model(), basis.setting.length, RAMP * basis.setting.time
     rules = basis.setting.rig.thresholds
     paths = {
@@ -299,7 +295,7 @@ def determine(basis: Basis, metric: str, wanted: float, most: int = MOST) -> Run
         for load, speed in fastest.items()
     }
     each = [
-        points([best, *moved, *laws], [path], [load])[:, 0, 0, PLACE[metric]]
+        points([best, *moved], [path], [load])[:, 0, 0, PLACE[metric]]
         for load, path in paths.items()
     ]
     change = np.transpose([values[1:] - values[0] for values in each])
@@ -307,11 +303,10 @@ def determine(basis: Basis, metric: str, wanted: float, most: int = MOST) -> Run
         np.zeros((len(foreseen.root), len(paths))),
         np.linalg.norm(foreseen.root[places], axis=1),
     )
-    gradient[places] = change[: sd.size] / np.where(unit > 0.0, unit, math.inf)[:, None]
-    of_laws = np.sum((LAW * change[sd.size :]) ** 2, axis=0)
+    gradient[places] = change / np.where(unit > 0.0, unit, math.inf)[:, None]
 
     def u_of(chosen: Sequence[int]) -> float:
-        return math.sqrt(float(np.max(foreseen.variance(chosen, gradient) + of_laws)))
+        return math.sqrt(float(np.max(foreseen.variance(chosen, gradient))))
 
     return _greedy(basis, u_of, "u", most, wanted, metric=metric)
 

@@ -17,6 +17,8 @@ from winchcascade.core.jobs import all_at_once
 from winchcascade.core.run import Signal
 from winchcascade.core.viewed import Viewed
 from winchcascade.diagnosis.handover.posterior import NEAR, Band, RigPosterior, Tested
+from winchcascade.diagnosis.judge.causes import COVERED
+from winchcascade.rig.best_load import largest_at
 from winchcascade.rig.kernel import COLUMNS
 from winchcascade.rig.parts import Model
 from winchcascade.rig.simulate import check_travel
@@ -44,12 +46,14 @@ BINS = (0.5, 1.0)
 """Bins of wave height [m] and period [s] of a power matrix (IEC TS 62600-100)."""
 
 CANDIDATES = 15
-"""Number of fixed loads, evenly spaced in their logarithm, among which the best is searched;
-between them by a parabola.
+"""Number of fixed loads, evenly spaced in their logarithm between those of the logs, among which
+the best is searched; between them by a parabola.
 """
 
-WIDER = 3.0
-"""Factor by which loads beyond those of the logs are tried, too. [1]"""
+UNCOVERED = 0.05
+"""Share of the time of payout beyond what the logs cover up to which a sea is within their domain.
+[1]
+"""
 
 SEARCHED = 100.0
 """Length in peak periods of the sea over which the load of all seas is searched. [1]"""
@@ -124,7 +128,7 @@ class InSea(msgspec.Struct, frozen=True):
     best_load : best fixed load of this sea [ohm]; NaN where it was not searched
     beyond : share of the time of payout that the logs do not cover by each other control [1]
     power : mean power at the DC link by each other control, in full scale [W]
-    gain : relative gain of power over others, by the names of both
+    gain : relative gain of power over others, by the names of both, as `best_over_fixed`
     reason : why there is no result; empty where there is one
     """
 
@@ -140,6 +144,11 @@ class InSea(msgspec.Struct, frozen=True):
     power: dict[str, Band] = {}
     gain: dict[str, Band] = {}
     reason: str = ""
+
+    def covered(self, controls: str = "fixed") -> bool:
+        """Whether the logs cover the sea by a control, or by both of which a gain is."""
+        outside = {"fixed": self.outside} | self.beyond
+        return all(outside[name] <= UNCOVERED for name in controls.split("_over_"))
 
 
 class SeaStudy(Viewed, frozen=True, kw_only=True):
@@ -161,15 +170,25 @@ class SeaStudy(Viewed, frozen=True, kw_only=True):
 
 
 class Rig(NamedTuple):
-    """A corrected rig in waves: the best model and drawn ones, what its logs cover, what moves its
-    line, limits [by `PEAKS`], and payout in still water [m].
+    """A corrected rig in waves: the best model and drawn ones, each for seas that its logs cover
+    and for those beyond, what the logs cover, what moves its line, limits [by `PEAKS`], and payout
+    in still water [m].
     """
 
-    models: list[Model]
+    models: list[tuple[Model, Model]]
     tested: Tested
     body: Body
     limits: Mapping[str, float]
     payout: float
+
+    @property
+    def best(self) -> Model:
+        """The best model."""
+        return self.models[0][0]
+
+    def exceeded(self, row: Signal) -> tuple[str, ...]:
+        """Limits that `QUANTITIES` of the best model exceed, (quantities,)."""
+        return tuple(name for name, limit in self.limits.items() if row[PLACE[PEAKS[name]]] > limit)
 
 
 def sea_study(
@@ -193,23 +212,26 @@ def sea_study(
     body : what moves the line, and `moved_by` in words
     load : fixed load [ohm]; by default the best one for the energy of all seas
     schedule : of the load over the speed of the generator, which is compared with the fixed load
-    compare : also search the best fixed load of each sea
+    compare : also search the best fixed load of each sea, within the limits
     limits : largest allowed values by the names of `PEAKS`
     payout : of the line in still water [m]; by default half of a usual payout of the logs
     draws : number of rigs drawn from the posterior
 
     Raises
     ------
-    OptionError : a number that is none, or no sea in which the rig has a result
+    OptionError : a number that is none, no sea in which the rig has a result, or no load that is
+        within the limits
     """
     if tested.warm is not None:
         limits = {**limits, "heating": min(limits.get("heating", math.inf), tested.warm)}
-    models = [posterior.model(), *posterior.draws(draws, seas.seed)]
-    rig = Rig(models, tested, body, limits, 0.5 * tested.length if math.isnan(payout) else payout)
+    best = posterior.model()
+    models = [(best, best), *posterior.draws(draws, seas.seed)]
+    still = 0.5 * tested.length if math.isnan(payout) else payout
+    rig = Rig(models, tested, body, limits, still)
     numbers = range(len(seas.states))
     searched = [math.nan] * len(numbers)
     if math.isnan(load) or compare:
-        load, searched = _searched(rig, seas, load, math.inf if compare else SEARCHED)
+        load, searched = _searched(rig, seas, load, math.inf if compare or limits else SEARCHED)
     controls = {"fixed": fixed(load)} | ({} if schedule is None else {"schedule": schedule})
     jobs = [
         partial(
@@ -257,6 +279,19 @@ def band_of(values: Signal) -> Band:
     return Band(float(values[0]), *np.quantile(values[1:], ENDS, method="weibull").tolist())
 
 
+def gain_of(gains: Signal, u_ratio: float) -> Band:
+    """A relative gain of power by the best model and the drawn ones, (1 + draws,). [1]
+
+    Parameters
+    ----------
+    u_ratio : standard uncertainty of the ratio of the powers beside that of the models, as a share
+    """
+    band = band_of(gains)
+    half = COVERED * u_ratio * (1.0 + band.value)
+    low, high = (math.hypot(end - band.value, half) for end in (band.low, band.high))
+    return Band(band.value, band.value - low, band.value + high)
+
+
 PathOf = Callable[[Model, Control], SeaPath]
 """The motion of the line with a model at a control; LogError where the rig has no room for it."""
 
@@ -273,7 +308,7 @@ def _moved(rig: Rig, seas: Seas, k: int) -> PathOf:
             return own
 
         return pulled
-    path = path_in_waves(rig.models[0], waves, body, sea.tp, rig.payout)
+    path = path_in_waves(rig.best, waves, body, sea.tp, rig.payout)
 
     def given(model: Model, _: Control) -> SeaPath:
         check_travel(name, model, float(np.min(path.motion.x)), float(np.max(path.motion.x)))
@@ -286,55 +321,57 @@ def _searched(rig: Rig, seas: Seas, load: float, periods: float) -> tuple[float,
     """The load that is best for all seas, unless one is given, and the best of each [ohm], NaN
     where there is none.
 
+    A sea in which every load exceeds a limit has no best load, and does not count for that of all.
+
     Parameters
     ----------
     periods : length of the search in each sea, in peak periods [1]
+
+    Raises
+    ------
+    OptionError : no run has a load, or none is within the limits in all other seas
     """
     loads, numbers = rig.tested.loads, range(len(seas.states))
     if not loads:
         raise OptionError(f"{rig.tested.title}: no run has a load; name one by --load OHM.")
-    tried = np.geomspace(min(loads) / WIDER, max(loads) * WIDER, CANDIDATES)
+    tried = np.geomspace(min(loads), max(loads), CANDIDATES if len(loads) > 1 else 1)
     power = np.array(all_at_once([partial(_powers, rig, seas, k, tried, periods) for k in numbers]))
-    known = np.isfinite(power[:, 0])
-    best = [largest_at(tried, own) if math.isfinite(own[0]) else math.nan for own in power]
-    if math.isnan(load) and known.any():
+    usable = (power > -math.inf).any(axis=1)
+    best = [
+        largest_at(tried, own) if ok else math.nan for own, ok in zip(power, usable, strict=True)
+    ]
+    if math.isnan(load) and usable.any():
         hours = np.array(seas.hours) if seas.yearly else np.ones(len(numbers))
-        load = largest_at(tried, hours[known] @ power[known])
+        load = largest_at(tried, np.sum(hours[usable, None] * power[usable], axis=0))
+    if math.isnan(load) and not np.isnan(power).all():
+        raise OptionError(
+            f"{rig.tested.title}: no load from {min(loads):g} to {max(loads):g} ohm keeps all seas "
+            f"within the limits; loosen these, or name a load by --load OHM."
+        )
     return load, best
 
 
 def _powers(rig: Rig, seas: Seas, k: int, loads: Signal, periods: float) -> Signal:
-    """Mean power at the DC link over the first part of a sea at some fixed loads, (k,); NaN
-    where there is none. [W]
+    """Mean power at the DC link over the first part of a sea at some fixed loads, (k,); -inf
+    where a limit is exceeded, NaN where there is none. [W]
     """
-    path_of, model, found = _moved(rig, seas, k), rig.models[0], np.full(loads.size, math.nan)
+    path_of, model, found = _moved(rig, seas, k), rig.best, np.full(loads.size, -math.inf)
     for j, control in enumerate(map(fixed, loads.tolist())):
         try:
             path = path_of(model, control)
         except LogError:
             return np.full(loads.size, math.nan)
-        found[j] = run(model, path.until(periods * seas.at_rig(k)[0].tp), control)[PLACE["p_gen_w"]]
+        row = run(model, path.until(periods * seas.at_rig(k)[0].tp), control)
+        if not rig.exceeded(row):
+            found[j] = row[PLACE["p_gen_w"]]
     return found
-
-
-def largest_at(loads: Signal, values: Signal) -> float:
-    """Where a metric is largest over the logarithm of the load, by a parabola through the three
-    highest neighbours. [ohm]
-    """
-    k = int(np.argmax(values))
-    if not 0 < k < loads.size - 1:
-        return float(loads[k])
-    before, here, after = values[k - 1 : k + 2].tolist()
-    curve = before - 2.0 * here + after
-    shift = 0.5 * (before - after) / curve if curve < 0.0 else 0.0
-    return float(loads[k] * (loads[k + 1] / loads[k]) ** shift)
 
 
 def _in_sea(rig: Rig, seas: Seas, k: int, controls: Mapping[str, Control]) -> tuple[InSea, Signal]:
     """A sea, and the mean power at the DC link with the best model and each drawn one, (1 +
     draws,) in full scale [W].
     """
-    state, best = seas.states[k], rig.models[0]
+    state, best = seas.states[k], rig.best
     row = InSea(state.hs, state.tp, seas.hours[k])
     path_of, found, beyond = _moved(rig, seas, k), dict[str, Signal](), dict[str, float]()
     try:
@@ -345,8 +382,9 @@ def _in_sea(rig: Rig, seas: Seas, k: int, controls: Mapping[str, Control]) -> tu
             out = np.empty((path.motion.v.size, len(COLUMNS)))
             run(best, path, control, out)
             beyond[name] = outside_of(rig.tested, path, out)
+            models = [pair[beyond[name] > UNCOVERED] for pair in rig.models]
             found[name] = np.array(
-                [run(model, path_of(model, control), control) for model in rig.models]
+                [run(model, path_of(model, control), control) for model in models]
             )
     except LogError as fault:
         return msgspec.structs.replace(row, reason=str(fault)), np.zeros(len(rig.models))
@@ -358,18 +396,20 @@ def _in_sea(rig: Rig, seas: Seas, k: int, controls: Mapping[str, Control]) -> tu
     main = with_ripple(found["fixed"])
     lost = losses(best, path, out)
     lost["copper"] += float(main[0, PLACE["ripple_w"]])
-    largest = {name: main[0, PLACE[quantity]] for name, quantity in PEAKS.items()}
     row = msgspec.structs.replace(
         row,
         values={name: band_of(scale[j] * main[:, j]) for name, j in PLACE.items()},
         lost={name: seas.froude ** FROUDE["W"] * watt for name, watt in lost.items()},
         outside=beyond.pop("fixed"),
         beyond=beyond,
-        exceeds=tuple(name for name, limit in rig.limits.items() if largest[name] > limit),
+        exceeds=rig.exceeded(main[0]),
         best_load=controls["best"].loads[0] if "best" in controls else math.nan,
         power={name: band_of(own) for name, own in power.items() if name != "fixed"},
         gain={
-            f"{one}_over_{other}": band_of(power[one] / power[other] - 1.0)
+            f"{one}_over_{other}": gain_of(
+                power[one] / power[other] - 1.0,
+                rig.tested.u_ratio(controls[one].loads, controls[other].loads),
+            )
             for one, other in (("best", "fixed"), ("schedule", "fixed"), ("schedule", "best"))
             if one in power and other in power
         },

@@ -33,7 +33,11 @@ from winchcascade.diagnosis.explain.windowed import (
     quantities_of,
     windowed,
 )
-from winchcascade.diagnosis.fit.covariance import covariance_without, joint_covariance
+from winchcascade.diagnosis.fit.covariance import (
+    covariance_without,
+    joint_covariance,
+    predictive_covariance,
+)
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.nuisances import stated_share
 from winchcascade.diagnosis.fit.predict import CHANNELS
@@ -235,6 +239,7 @@ def contributions_of(
     models.append(data.models(best.nu, subsets[-1]))
     ways, covariance = ways_of(data, suspects, best, names), joint_covariance(found)
     fit = Split(names, models, best.nu, ways, covariance)
+    predictive = predictive_covariance(data, found)
     without_load = {
         load: covariance_without(data, found, load)
         for load in {data.logs[k].load for k in held_out}
@@ -242,7 +247,7 @@ def contributions_of(
 
     def account(number: int, window: float | None) -> tuple[WindowedLog, Accounts]:
         one = windowed(data, number, window)
-        of_inputs = without_load[one.log.load] if number in held_out else covariance
+        of_inputs = without_load[one.log.load] if number in held_out else predictive
         return one, account_of(data, one, fit, of_inputs)
 
     lengths = enumerate(windows or [None] * len(data.logs))

@@ -22,7 +22,7 @@ import numpy as np
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.explain.contributions import INPUTS, MOVED
 from winchcascade.diagnosis.explain.windowed import QUANTITIES, WindowedLog, quantities_of, windowed
-from winchcascade.diagnosis.fit.covariance import joint_covariance
+from winchcascade.diagnosis.fit.covariance import predictive_covariance
 from winchcascade.diagnosis.fit.nuisances import SKEW
 from winchcascade.diagnosis.fit.predict import CHANNELS, without_sensors
 from winchcascade.diagnosis.fit.suspects import varied
@@ -103,7 +103,7 @@ def validation_of(
     """
 
     sensors = {name for name in found.best.names if found.problem.suspects[name].of_a_sensor}
-    covariance = joint_covariance(found) if sensors else None
+    covariance = predictive_covariance(data, found) if sensors else None
 
     def of_run(k: int, window: float | None) -> list[Validated]:
         one, fit = windowed(data, k, window), held_out.get(k)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from winchcascade.diagnosis.fit.block_means import PAYOUT, PHASES
 from winchcascade.diagnosis.fit.evidence import Fit, inside_of
 from winchcascade.diagnosis.fit.marginal import weights
 from winchcascade.diagnosis.fit.misfit import Fitted, log_of
@@ -16,7 +17,7 @@ from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.search import Found
 
 if TYPE_CHECKING:
-    from winchcascade.core.run import Mask, Signal
+    from winchcascade.core.run import Signal
 
 
 FEW = 10
@@ -101,29 +102,96 @@ def joint_covariance(found: Found, fit: Fit | None = None) -> Signal:
     return np.block([[fields, both], [both.T, follow @ both + marginal.spread_in(found.scale)]])
 
 
+def discrepancy_found(data: Fitted, nu: Signal, determined: Signal) -> Signal:
+    """Variance of each nuisance over the one that is allowed, (n,): of the discrepancy of the model
+    as the fit finds it, as most rigs have less than what is allowed of any.
+
+    It is the mean square over one channel in one phase, with one that is as large as is allowed; no
+    more than that.
+
+    Parameters
+    ----------
+    nu : (n,) nuisances of the fit, in units of their tolerance
+    determined : (n,) share of the allowed variance that the data determine
+    """
+    found = np.ones(nu.size)
+    cells: dict[tuple[str, str], list[int]] = {}
+    for j, n in enumerate(data.nuisances):
+        if n.kind == "discrepancy":
+            cells.setdefault((n.name, n.phase), []).append(j)
+    for own in cells.values():
+        found[own] = min(
+            (float(np.sum(nu[own] ** 2)) + 1.0) / (float(np.sum(determined[own])) + 1.0), 1.0
+        )
+    return found
+
+
+def predictive_covariance(data: Fitted, found: Found, fit: Fit | None = None) -> Signal:
+    """Covariance as `joint_covariance` gives it, of the errors of what is predicted, (k + n, k +
+    n): the discrepancy has the size that the fit finds.
+
+    A fit weighs its logs by the discrepancy that is allowed. Its error by each part of this is S
+    times the part, S being its covariance, so of a part that is smaller than allowed only a share
+    of the square remains.
+    """
+    fit = fit or found.best
+    known, share = _known_and_found(data, found, fit)
+    excess = np.concatenate([np.zeros(fit.x.size), 1.0 - share])
+    return joint_covariance(found, fit) - (known * excess) @ known
+
+
+def voltage_of_a_load(data: Fitted, found: Found) -> float:
+    """Standard deviation of Vdc in payout at one load beside that at all, as a share of its
+    plateau: of the discrepancy of the model, with the size that the best fit finds. [1]
+    """
+    _, share = _known_and_found(data, found, found.best)
+    squares: dict[float, float] = {}
+    for n, own in zip(data.nuisances, share, strict=True):
+        if (n.kind, n.name, n.phase) == ("discrepancy", "vdc", PHASES[PAYOUT]):
+            squares[n.load] = squares.get(n.load, 0.0) + float(own) * n.sd**2
+    return math.sqrt(max((x for load, x in squares.items() if math.isfinite(load)), default=0.0))
+
+
+def _known_and_found(data: Fitted, found: Found, fit: Fit) -> tuple[Signal, Signal]:
+    """Covariance of a fit by least squares, (k + n, k + n), and the variance of each nuisance over
+    the one that is allowed, (n,).
+    """
+    known, count = _known_by(data, found, fit, np.ones(data.blocks.size)), len(data.nuisances)
+    return known, discrepancy_found(data, fit.nu, 1.0 - np.diag(known)[-count:])
+
+
 def covariance_without(data: Fitted, found: Found, load: float) -> Signal:
-    """Covariance as `joint_covariance` gives it, of a fit without the logs of a load [ohm]: what
-    these determine is added.
+    """Covariance as `predictive_covariance` gives it, of the best fit without the logs of a load
+    [ohm]: what these determine is added.
 
     What concerns one log alone stays as it is known, and a field at a bound stays there.
     """
-    best, loads = found.best, np.repeat([log.load for log in data.logs], data.sizes)
-    fields = -found.marginal.undone(found.expansion.over(best.names)) * inside_of(best)
-    of_a_log = np.zeros(best.x.size, dtype=bool)
-    for name, effect in zip(best.names, best.effects(found.problem.suspects), strict=True):
-        of_a_log[best.place[name]] = log_of(effect) >= 0
-    prior = np.diag([*best.free.sd**-2.0, *np.ones(len(data.nuisances))])
-
-    def left_by(blocks: Mask) -> Signal:
-        rows = np.repeat(blocks.astype(np.float64), len(CHANNELS))
-        own, others = (
-            np.where(of_a_log, fields, fields * rows[:, None]),
-            found.marginal.columns.masked(rows),
-        )
-        across = others.onto(own)
-        information = np.block([[own.T @ own, across.T], [across, others.squared()]])
-        return np.asarray(np.linalg.inv(information / found.scale + prior))
-
-    return (
-        joint_covariance(found) + left_by(loads != load) - left_by(np.ones(loads.size, dtype=bool))
+    loads = np.repeat([log.load for log in data.logs], data.sizes)
+    every, others = (
+        _known_by(data, found, found.best, rows)
+        for rows in (np.ones(loads.size), (loads != load).astype(np.float64))
     )
+    return predictive_covariance(data, found) + others - every
+
+
+def _known_by(data: Fitted, found: Found, fit: Fit, taking: Signal) -> Signal:
+    """Covariance of the fields of a fit and then of its nuisances by least squares, (k + n, k + n);
+    a field at a bound stays there.
+
+    Parameters
+    ----------
+    taking : (M,) weight of each block; fields of one log alone keep all of theirs
+    """
+    fields = -found.marginal.undone(found.columns(fit)) * inside_of(fit)
+    of_a_log = np.zeros(fit.x.size, dtype=bool)
+    for name, effect in zip(fit.names, fit.effects(found.problem.suspects), strict=True):
+        of_a_log[fit.place[name]] = log_of(effect) >= 0
+    prior = np.diag([*fit.free.sd**-2.0, *np.ones(len(data.nuisances))])
+    rows = np.repeat(taking, len(CHANNELS))
+    own, others = (
+        np.where(of_a_log, fields, fields * rows[:, None]),
+        found.marginal.columns.masked(rows),
+    )
+    across = others.onto(own)
+    information = np.block([[own.T @ own, across.T], [across, others.squared()]])
+    return np.asarray(np.linalg.inv(information / found.scale + prior))

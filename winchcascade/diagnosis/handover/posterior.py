@@ -16,7 +16,7 @@ from winchcascade.core.rig_file import Thresholds
 from winchcascade.diagnosis.diagnosis_result import Judgement
 from winchcascade.diagnosis.explain.planned_run import usual
 from winchcascade.diagnosis.fit.block_means import PAYOUT
-from winchcascade.diagnosis.fit.covariance import joint_covariance
+from winchcascade.diagnosis.fit.covariance import predictive_covariance, voltage_of_a_load
 from winchcascade.diagnosis.fit.misfit import log_of
 from winchcascade.diagnosis.fit.nuisances import LOAD
 from winchcascade.diagnosis.fit.predict import CHANNELS
@@ -124,9 +124,12 @@ class RigPosterior(msgspec.Struct, frozen=True):
             *(self.model(self.best + way, without) for way in self.directions()),
         ]
 
-    def draws(self, count: int, seed: int) -> list[Model]:
-        """Corrected rigs drawn from the posterior: of its `members` by their weights, of their
-        numbers and fields, and of how much each effect does by its law.
+    def draws(self, count: int, seed: int) -> list[tuple[Model, Model]]:
+        """Corrected rigs drawn from the posterior: of its `members` by their weights and of their
+        numbers and fields, each for what the logs cover and for what they do not.
+
+        What an effect does in the logs is known as the posterior has it. Beyond these logs it is
+        drawn, too, how much it does by its law.
         """
         rng, members = np.random.default_rng(seed), self.members
         ends = np.cumsum([one.weight for one in members])
@@ -135,8 +138,8 @@ class RigPosterior(msgspec.Struct, frozen=True):
             members[min(place, len(members) - 1)].draw(rng) for place in rng.permutation(places)
         ]
 
-    def draw(self, rng: np.random.Generator) -> Model:
-        """A rig drawn from this member of the posterior alone."""
+    def draw(self, rng: np.random.Generator) -> tuple[Model, Model]:
+        """A rig drawn from this member of the posterior alone, as `draws` gives it."""
         ways = self.directions()
         at = self.best + rng.standard_normal(len(ways)) @ ways
         drawn = found = self.model(at)
@@ -147,7 +150,7 @@ class RigPosterior(msgspec.Struct, frozen=True):
                     (self.model(at, one.effect.name), drawn),
                     max(LAW, one.effect.law_u) * rng.standard_normal(),
                 )
-        return possible(found)
+        return drawn, possible(found)
 
 
 def stretched(model: Model, change: tuple[Model, Model], share: float) -> Model:
@@ -205,7 +208,7 @@ def _left_by(found: ModelDiagnosis, fit: Fit) -> RigPosterior:
     """The rig of one fit, with every effect of it but errors of sensors and of single logs or
     loads.
     """
-    data, best = found.data, found.found.best
+    data = found.data
     chosen = [j for j, n in enumerate(data.nuisances) if n.kind in OF_THE_RIG]
     kept = {
         name: effect
@@ -223,9 +226,7 @@ def _left_by(found: ModelDiagnosis, fit: Fit) -> RigPosterior:
         numbers=tuple(data.nuisances[j] for j in chosen),
         moves=tuple(float(fit.nu[j]) * data.nuisances[j].sd for j in chosen),
         effects=tuple(kept.values()),
-        covariance=joint_covariance(found.found, None if fit is best else fit)[
-            np.ix_(places, places)
-        ]
+        covariance=predictive_covariance(data, found.found, fit)[np.ix_(places, places)]
         * np.outer(unit, unit),
     )
 
@@ -239,7 +240,8 @@ class Tested(msgspec.Struct, frozen=True):
     `speed`, `length` and `ramp` are those of a usual payout with a load: its fastest plateau, its
     travel and the time of its ramp. `warm` is the DC current (rms over a cycle) that keeps the
     machine as warm as in its warmest run, repeated at the spacing of the runs; None without
-    heating. The `judgement` is that of the diagnosis, `thresholds` are those by which its logs are
+    heating. `u_load` is how well Vdc is known at one load beside that at all, as a share, by the
+    discrepancy of the model. The `judgement` is that of the diagnosis, `thresholds` are those by which its logs are
     reduced; what is left out follows the scales of a motion.
     """
 
@@ -253,12 +255,30 @@ class Tested(msgspec.Struct, frozen=True):
     length: float
     ramp: float
     warm: float | None = None
+    u_load: float = 0.0
     thresholds: dict[str, float] = {}
 
     @property
     def rules(self) -> Thresholds:
         """The thresholds by which a motion has payouts and plateaus."""
         return msgspec.structs.replace(Thresholds(), **self.thresholds)
+
+    def u_ratio(self, one: Sequence[float], other: Sequence[float]) -> float:
+        """Standard uncertainty of the ratio of two powers at the DC link as a share, by the
+        discrepancy that each load has of its own. [1]
+
+        Between the loads of the logs it follows the logarithm of the load by straight lines.
+
+        Parameters
+        ----------
+        one, other : load of each power, or loads of its schedule, which count alike [ohm]
+        """
+        at = np.log(self.loads)
+        weights = [
+            [float(np.mean(np.interp(np.log(loads), at, own))) for own in np.eye(at.size)]
+            for loads in (one, other)
+        ]
+        return 2.0 * self.u_load * float(np.linalg.norm(np.subtract(*weights)))
 
     def covers(self, speed: Signal, current: Signal, force: Signal) -> Signal:
         """Whether speeds [m/s], DC currents [A] and tensions [N], (n,) each, lie within what was
@@ -310,6 +330,7 @@ def tested_by(found: ModelDiagnosis) -> Tested | None:
         length=seen.length,
         ramp=seen.ramp,
         warm=_warm(found),
+        u_load=voltage_of_a_load(data, found.found),
         thresholds={
             name: value
             for name, value in msgspec.structs.asdict(data.rig.thresholds).items()

@@ -26,6 +26,7 @@ from winchcascade.core.integrate import white_noise
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.diagnosis_result import StageEnergy
 from winchcascade.diagnosis.fit.block_means import PHASES
+from winchcascade.diagnosis.fit.covariance import discrepancy_found
 from winchcascade.diagnosis.fit.evidence import inside_of
 from winchcascade.diagnosis.fit.fit_set import STEP
 from winchcascade.diagnosis.fit.fitted_log import RHO
@@ -112,36 +113,13 @@ def _known(data: Fitted, suspects: Suspects, fit: Fit) -> Known:
     information = Columns(data.whiten(moved), data.local).squared() / fit.scale
     first = by_field.shape[2]
     determined = 1.0 - np.diag(np.linalg.inv(information + np.diag(prior)))[first:]
-    prior[first:] /= _of_the_model(data, fit.nu, determined)
+    prior[first:] /= discrepancy_found(data, fit.nu, determined)
     return Known(
         moved,
         np.linalg.inv(information + np.diag(prior)).astype(np.float64),
         prior[first:] ** -0.5,
         fit.scale,
     )
-
-
-def _of_the_model(data: Fitted, nu: Signal, determined: Signal) -> Signal:
-    """Variance of each nuisance over the one that is allowed, (n,): of the discrepancy of the model
-    as the fit finds it.
-
-    It is the mean square over one channel in one phase, with one that is as large as is allowed; no
-    more than that.
-
-    Parameters
-    ----------
-    determined : (n,) share of the allowed variance that the data determine
-    """
-    found = np.ones(nu.size)
-    cells: dict[tuple[str, str], list[int]] = {}
-    for j, n in enumerate(data.nuisances):
-        if n.kind == "discrepancy":
-            cells.setdefault((n.name, n.phase), []).append(j)
-    for own in cells.values():
-        found[own] = min(
-            (float(np.sum(nu[own] ** 2)) + 1.0) / (float(np.sum(determined[own])) + 1.0), 1.0
-        )
-    return found
 
 
 def _of_stage(

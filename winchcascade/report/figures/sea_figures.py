@@ -29,9 +29,6 @@ if TYPE_CHECKING:
 
     from winchcascade.diagnosis.handover.posterior import Band
 
-COVERED = 0.05
-"""Share of the time beyond what the logs cover from which a sea is drawn as not covered. [1]"""
-
 COMPARED = ("best_over_fixed", "schedule_over_fixed", "schedule_over_best")
 """Comparisons of loads, in the order in which they are drawn."""
 
@@ -58,7 +55,7 @@ def power_figure(found: SeaStudy) -> Figure:
         return _matrix(rows)
     figure, (axes,) = panel_figure(2.4)
     x = np.arange(len(rows))
-    _bars(axes, x, [row.values["p_gen_w"] for row in rows], [row.outside > COVERED for row in rows])
+    _bars(axes, x, [row.values["p_gen_w"] for row in rows], [not row.covered() for row in rows])
     axes.set(ylabel="Mean power at the DC link (W)")
     from_zero(axes)
     _name_seas(axes, rows)
@@ -79,7 +76,7 @@ def _matrix(rows: Sequence[InSea]) -> Figure:
     for row in rows:
         place = periods.index(row.tp), heights.index(row.hs)
         text = f"{row.values['p_gen_w'].value:.3g}"
-        style = "italic" if row.outside > COVERED else "normal"
+        style = "normal" if row.covered() else "italic"
         axes.text(
             *place, text, ha="center", va="center", fontsize=size, style=style, color=COLOURS["ink"]
         )
@@ -143,16 +140,17 @@ def losses_figure(found: SeaStudy) -> Figure:
 def gains_figure(found: SeaStudy) -> Figure | None:
     """Gain of power of one way to choose the load over another, sea by sea; None without any."""
     rows = [row for row in found.rows if row.gain]
-    named = [name for name in COMPARED if rows and name in rows[0].gain]
+    named = [name for name in COMPARED if any(name in row.gain for row in rows)]
     if not named:
         return None
     figure, (axes,) = panel_figure(2.4)
     entries = []
     for k, name in enumerate(named):
         colour = GAINS[k]
-        percent = [_times(row.gain[name], 100.0) for row in rows]
-        x = np.arange(len(rows)) + 0.2 * (k - 0.5 * (len(named) - 1))
-        _bars(axes, x, percent, [row.outside > COVERED for row in rows], colour)
+        having = [at for at, row in enumerate(rows) if name in row.gain]
+        percent = [_times(rows[at].gain[name], 100.0) for at in having]
+        x = np.array(having) + 0.2 * (k - 0.5 * (len(named) - 1))
+        _bars(axes, x, percent, [not rows[at].covered(name) for at in having], colour)
         entries.append(line_entry(name.replace("_", " "), colour, marker="o", ms=4))
     axes.axhline(0.0, color=COLOURS["soft"], lw=0.8)
     axes.set(ylabel="Gain of mean power (%)")
@@ -176,7 +174,7 @@ def peaks_figure(found: SeaStudy) -> Figure:
             axes,
             np.arange(len(rows)),
             [row.values[quantity] for row in rows],
-            [row.outside > COVERED for row in rows],
+            [not row.covered() for row in rows],
         )
         if name in found.limits and found.seas.froude == 1.0:
             axes.axhline(found.limits[name], color=COLOURS["repaired"], lw=1.0)

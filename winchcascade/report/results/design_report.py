@@ -96,6 +96,7 @@ def design_record(found: Design) -> dict[str, Any]:
             | {
                 "high": one.gain and one.gain.high,
                 "within_domain": one.within_domain,
+                "gain_within_domain": one.gain_within_domain,
                 "reason": one.reason or None,
             }
             for one in found.schedule
@@ -219,11 +220,16 @@ def _schedule_table(found: Design) -> Any:
             "%",
             2,
         ),
-        Column(
-            "domain", lambda one: one.reason or ("covered" if one.within_domain else "not covered")
-        ),
+        Column("domain", _domain),
     ]
     return table("schedule", "Best load of each band of generator speed.", columns, found.schedule)
+
+
+def _domain(one: Scheduled) -> str:
+    """Whether the logs cover a scheduled load, and the fixed load that its gain is over."""
+    if one.reason or not one.within_domain:
+        return one.reason or "not covered"
+    return "covered" if one.gain is None or one.gain_within_domain else "gain not covered"
 
 
 def _map_table(found: Design) -> Any:

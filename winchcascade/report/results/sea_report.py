@@ -32,7 +32,7 @@ from winchcascade.report.results.judgement import (
 )
 from winchcascade.rig.ledger import LEDGER
 from winchcascade.sea.in_sea import PEAKS
-from winchcascade.sea.sea_study import InSea, SeaStudy
+from winchcascade.sea.sea_study import UNCOVERED, InSea, SeaStudy
 from winchcascade.sea.wave_spectra import PIERSON_MOSKOWITZ
 
 PEAK_HEADS = {
@@ -86,7 +86,10 @@ def _row(row: InSea) -> dict[str, Any]:
         "best_load_ohm": finite(row.best_load),
         **{f"outside_of_logs_{name}": share for name, share in row.beyond.items()},
         **{f"p_gen_{name}_w": band_record(band) for name, band in row.power.items()},
-        **{f"gain_{name}": band_record(band) for name, band in row.gain.items()},
+        **{
+            f"gain_{name}": band_record(band) | {"within_domain": row.covered(name)}
+            for name, band in row.gain.items()
+        },
         "reason": row.reason or None,
     }
 
@@ -139,7 +142,7 @@ def sea_report(found: SeaStudy, *, command: str = "") -> Report:
             _year_note(found),
             Note(f"Up to {100.0 * outside:.0f} % of the time of payout lies outside what the logs "
                  f"cover.", "Domain",
-                 "warn") if outside > figures.COVERED else None,
+                 "warn") if outside > UNCOVERED else None,
             Note(f"{over} of {len(rows)} seas exceed a limit.", "Limits", "warn") if over else None,
             *(Note(f"{row.hs:g} m, {row.tp:g} s: {row.reason}", "No result", "warn") for row in found.rows if row.reason),
         ],
@@ -159,7 +162,8 @@ def sea_report(found: SeaStudy, *, command: str = "") -> Report:
             ), _losses_table(found)),
             *([section("gains", "Loads compared", Picture(
                 "gains",
-                "Gain of mean power of one way to choose the load over another.",
+                "Gain of mean power of one way to choose the load over another; hollow where the "
+                "logs do not cover both.",
                 "Points with intervals for each sea; the values are in the table.",
                 partial(figures.gains_figure, found),
             ), _gains_table(found))] if any(row.gain for row in rows) else []),
@@ -246,19 +250,25 @@ def _gains_table(found: SeaStudy) -> Any:
     rows = [row for row in found.rows if row.gain]
     best = Column[InSea]("best load", lambda row: row.best_load, "ohm")
     gains = [
-        Column[InSea](name.replace("_", " "), partial(_gain, name), "%") for name in rows[0].gain
+        Column[InSea](name.replace("_", " "), partial(_gain, name), "%")
+        for name in figures.COMPARED
+        if any(name in row.gain for row in rows)
     ]
-    outside = Column[InSea]("outside", lambda row: 100.0 * max(row.beyond.values()), "%", 0)
+    domain = Column[InSea]("not covered", _not_covered)
     caption = (
         "Gain of mean power, 95 % intervals: best is the best fixed load of the sea, fixed the "
-        "load of all seas; outside: "
-        "largest share of the time of payout of the others that the logs do not cover."
+        "load of all seas; not covered: "
+        "gains of loads with which the logs do not cover the sea, which may be wrong by more."
     )
-    return table("gains", caption, [*SEA, best, *gains, outside], rows)
+    return table("gains", caption, [*SEA, best, *gains, domain], rows)
+
+
+def _not_covered(row: InSea) -> Cell:
+    return ", ".join(name.replace("_", " ") for name in row.gain if not row.covered(name))
 
 
 def _gain(name: str, row: InSea) -> Cell:
-    return band_span(row.gain[name], 100.0)
+    return band_span(row.gain[name], 100.0) if name in row.gain else None
 
 
 def _peaks_table(found: SeaStudy) -> Any:
