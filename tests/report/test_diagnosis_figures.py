@@ -16,16 +16,14 @@ from winchcascade.diagnosis.explain.model_comparison import COMPARED
 from winchcascade.diagnosis.fit.block_means import PAYOUT
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.report.diagnosis_names import signed
-from winchcascade.report.figures.cause_figures import (
-    profile_figure,
-    stability_figure,
-    waterfall_figure,
-)
 from winchcascade.report.figures.diagnosis_figures import (
     cycle_history,
     error_figure,
     gap_map,
+    profile_figure,
+    stability_figure,
     stage_map,
+    waterfall_figure,
 )
 from winchcascade.report.figures.histories import history_figure, history_json
 from winchcascade.report.figures.style import house_style

@@ -12,7 +12,7 @@ from typer.core import TyperGroup, TyperOption
 
 from winchcascade.cli.help import CommandList, GroupedCommand
 from winchcascade.cli.outputs import show
-from winchcascade.report.screen import QUIET, line_width
+from winchcascade.report.render.terminal import QUIET, line_width
 
 if TYPE_CHECKING:
     from collections.abc import Callable

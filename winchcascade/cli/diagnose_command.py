@@ -165,7 +165,7 @@ def _write_validation(found: DiagnosisResult, outputs: Outputs) -> None:
     if path is None:
         return
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.report.render.publish import publish
+    from winchcascade.report.render.report_files import publish
     from winchcascade.report.results.validation_report import validation_report
 
     if not isinstance(found, ModelDiagnosis):

@@ -134,7 +134,7 @@ def write_report(result: object, path: str | Path, *, force: bool = False) -> Pa
     OutputError : the file cannot be written, or is not this tool's own and `force` does not allow
         to replace it
     """
-    from winchcascade.report.render.publish import publish
+    from winchcascade.report.render.report_files import publish
 
     check_arguments("write_report", ("path", path, PATH), ("force", force, FLAG))
     path = Path(path)

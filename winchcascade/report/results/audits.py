@@ -374,7 +374,7 @@ def _effects(ranges: AttainableRanges) -> Section:
         "effects", "Effects that could explain it",
         table("effects", "Effects alone on each efficiency.", SUSPECTED, found),
         Note(legend, "Needs"),
-        Note(f"{nothing}.", "No effect") if nothing else None,
+        Note(nothing and f"{nothing}.", "No effect"),
         folded=True,
     )  # fmt: skip
 

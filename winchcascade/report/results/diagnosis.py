@@ -60,7 +60,7 @@ from winchcascade.report.diagnosis_names import (
     word_of,
 )
 from winchcascade.report.figures import diagnosis_figures as figures
-from winchcascade.report.figures.cause_figures import part_name, waterfall_figure
+from winchcascade.report.figures.diagnosis_figures import part_name, waterfall_figure
 from winchcascade.report.figures.histories import history_figure, history_json
 from winchcascade.report.glossary import CHANNELS, upper
 from winchcascade.report.results import diagnosis_words as words
@@ -71,7 +71,6 @@ from winchcascade.report.results.diagnosis_parts import (
     first_points,
     made_from,
     minor_table,
-    note_of,
     numbers,
     residual,
     step_tile,
@@ -116,7 +115,7 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
             section("causes", "Causes", causes_table(found), candidates_table(found)),
             stage_laws_section(found),
             _own_simulation(found),
-            section("next", "Next run", note_of(words.experiment_words(found))),
+            section("next", "Next run", Note(words.experiment_words(found))),
             section(
                 "costs", "What each cause costs" if found.causes else "Efficiencies",
                 _cost_table(found, leading, brief=not found.causes),
@@ -224,7 +223,7 @@ def _own_simulation(found: ModelDiagnosis) -> Section:
 
     return section(
         "own-simulation", "Your simulation",
-        note_of(agrees if own is not None and not forms else ""),
+        Note(agrees if own is not None and not forms else ""),
         table(
             "model-form", "Your simulation minus the model of the rig file, where they differ "
                           "most.",
@@ -327,7 +326,7 @@ LISTED_NUISANCES = 12
 """Nuisances that are listed, those that the fit moved most."""
 
 
-def _places(places: Sequence[Place]) -> Table[Place] | None:
+def _places(places: Sequence[Place]) -> Table[Place]:
     """The places with the largest gap."""
     ranked = sorted(places, key=lambda place: -abs(place.z) if math.isfinite(place.z) else 0.0)
     return table(
@@ -420,8 +419,8 @@ def _considered(found: ModelDiagnosis) -> Section:
     moved: list[tuple[Nuisance, float]] = [pair for pair in pulls if abs(pair[1]) > 1.0]
     return section(
         "considered", "What else was considered",
-        Note(words.not_needed_words(found), brief=False) if found.causes else None,
-        Note(words.undetermined_words(found), brief=False) if found.undetermined else None,
+        Note(words.not_needed_words(found), brief=False),
+        Note(words.undetermined_words(found), brief=False),
         minor_table(found),
         table(
             "singles",

@@ -50,16 +50,11 @@ from winchcascade.report.diagnosis_names import (
     share_words,
     shown_as,
 )
-from winchcascade.report.figures.cause_figures import profile_figure, stability_figure
+from winchcascade.report.figures.diagnosis_figures import profile_figure, stability_figure
 from winchcascade.report.glossary import upper
 from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.common import data_note, provenance
 from winchcascade.rig.effects.effect import Display, Effect
-
-
-def note_of(text: str, about: str = "") -> Note | None:
-    """A sentence as a block; None for none."""
-    return Note(text, about) if text else None
 
 
 # ------------------------------------------------------------------------------------- the causes
@@ -83,7 +78,7 @@ def _rows(found: DiagnosisResult, several: Sequence[NamedCause]) -> list[CauseRo
     ]
 
 
-def candidates_table(found: DiagnosisResult) -> Table[CauseRow] | None:
+def candidates_table(found: DiagnosisResult) -> Table[CauseRow]:
     """A line for each candidate: number, interval, closure without it, and look-alikes; it has
     no cost and no action.
     """
@@ -117,7 +112,7 @@ def _alike(found: DiagnosisResult, row: CauseRow) -> str:
     return call_all(alike, found.suspects)
 
 
-def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
+def causes_table(found: DiagnosisResult) -> Table[CauseRow]:
     """A line for each cause: number, interval, probability, cost, closure without it,
     look-alikes, and what to do.
     """
@@ -266,7 +261,7 @@ def numbers(found: DiagnosisResult) -> Section:
     model, item = (found, "run") if isinstance(found, ModelDiagnosis) else (None, "cycle")
     return section(
         "numbers", "Numbers of the causes",
-        Note(words.stability_words(found), brief=False) if found.causes else None,
+        Note(words.stability_words(found), brief=False),
         None if model is None else Picture(
             "rolloff",
             "Back-EMF constant over the stator current (the paper's Fig. 18e).",
@@ -283,7 +278,7 @@ def numbers(found: DiagnosisResult) -> Section:
     )  # fmt: skip
 
 
-def minor_table(found: DiagnosisResult) -> Table[EffectNumber] | None:
+def minor_table(found: DiagnosisResult) -> Table[EffectNumber]:
     """Effects that are significant but too small to matter, and undecided ones, with number and
     what each changes most.
     """
@@ -306,7 +301,7 @@ def minor_table(found: DiagnosisResult) -> Table[EffectNumber] | None:
 
 def effects_table(
     name: str, caption: str, rows: Sequence[EffectNumber], suspects: Mapping[str, Effect]
-) -> Table[EffectNumber] | None:
+) -> Table[EffectNumber]:
     """Numbers of some effects beside those of the causes."""
     columns: list[Column[EffectNumber]] = [
         Column("effect", lambda row: called(row.effect, suspects)),

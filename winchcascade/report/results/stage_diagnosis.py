@@ -51,7 +51,6 @@ from winchcascade.report.results.diagnosis_parts import (
     first_points,
     made_from,
     minor_table,
-    note_of,
     numbers,
     residual,
     step_tile,
@@ -91,7 +90,7 @@ def stage_report(found: StageDiagnosis, *, command: str = "") -> Report:
                 minor_table(found),
             ),
             section("energies", "Energies by phase", _energies_table(found)),
-            section("next", "Next run", note_of(words.experiment_words(found))),
+            section("next", "Next run", Note(words.experiment_words(found))),
             residual(found),
             _where(found, word),
             _how_far(found, word),
@@ -103,7 +102,7 @@ def stage_report(found: StageDiagnosis, *, command: str = "") -> Report:
     )
 
 
-def _others_table(found: StageDiagnosis) -> Table[EffectNumber] | None:
+def _others_table(found: StageDiagnosis) -> Table[EffectNumber]:
     """Numbers of the effects that were fitted and are not named."""
     named = {cause.effect for cause in (*found.causes, *found.candidates)}
     rows = [
@@ -133,7 +132,7 @@ class PhaseEnergy(NamedTuple):
     worst: float
 
 
-def _energies_table(found: StageDiagnosis) -> Table[PhaseEnergy] | None:
+def _energies_table(found: StageDiagnosis) -> Table[PhaseEnergy]:
     """Energies of the judged cycles by stage and phase: measured, and how far predictions
     deviate.
     """
@@ -237,7 +236,7 @@ def _how_far(found: StageDiagnosis, word: str) -> Section:
 def _tried(found: StageDiagnosis) -> Section:
     return section(
         "tried", "What was tried",
-        Note(words.not_needed_words(found), brief=False) if found.causes else None,
+        Note(words.not_needed_words(found), brief=False),
         table(
             "sets", "Sets of suspects by their probability.",
             [

@@ -109,7 +109,7 @@ def _sides() -> dict[str, Which]:
     return {"before": lambda row: row.before, "after": lambda row: row.after}
 
 
-def _table(found: ModelDiagnosis) -> Table[Validated] | None:
+def _table(found: ModelDiagnosis) -> Table[Validated]:
     """Comparison errors before and after with the intervals of the model error, by run and
     quantity.
     """
