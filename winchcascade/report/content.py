@@ -104,7 +104,8 @@ class Column(msgspec.Struct, Generic[T], frozen=True):
     numbers whose uncertainty is unknown; four significant digits without any.
 
     `brief` ones stand in a terminal too. `signed` numbers above zero have a plus. `link` is the
-    address that a cell leads to on a page.
+    address that a cell leads to on a page. The cells of `named` columns hold labels with
+    identifiers in brackets behind them, which a terminal leaves out.
     """
 
     name: str
@@ -114,6 +115,7 @@ class Column(msgspec.Struct, Generic[T], frozen=True):
     brief: bool = True
     signed: bool = False
     link: Callable[[T], str] | None = None
+    named: bool = False
 
     def text(self, cell: Cell) -> str:
         """A cell as it is shown."""

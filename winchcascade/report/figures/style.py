@@ -234,6 +234,25 @@ def dots(ax: Axes, x: Signal, y: Signal, colour: str) -> None:
     ax.plot(across, up, color=colour, lw=1.7, alpha=0.45, solid_capstyle="round")
 
 
+def draw_intervals(
+    ax: Axes, x: Sequence[float], ends: Sequence[Sequence[float]], look: Look, full: Sequence[bool]
+) -> None:
+    """Draw values with their intervals.
+
+    Parameters
+    ----------
+    x : place of each
+    ends : value, low and high of each; an end that is not finite is not drawn
+    full : whether the marker of each is full
+    """
+    at, filled = np.array(x), np.array(full, dtype=bool)
+    value, low, high = np.array(ends, dtype=float).reshape(-1, 3).T
+    colour = COLOURS[look.colour]
+    ax.vlines(at, low, high, color=colour, lw=1.1, ls=look.dashes)
+    for some, face in ((filled, colour), (~filled, COLOURS["paper"])):
+        ax.plot(at[some], value[some], look.mark, color=colour, mfc=face, ms=4)
+
+
 def readable(unit: str, *signals: Signal) -> tuple[float, str]:
     """Factor and unit that keep the numbers of an axis short: thousands from 10 000 on, smaller
     units below 0.01.

@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     import jinja2
     from markupsafe import Markup
 
-IDENTIFIER = re.compile(r"\([a-z][a-z0-9]*(?:_[a-z0-9]+)+(?:\([^()]*\))?\)")
-"""An identifier in brackets behind the label of what it names, which is set small."""
-
 LONG = 32
 """A longer text in a cell may break into lines. [characters]"""
 
@@ -81,7 +78,15 @@ def _text(text: str) -> Markup:
     from markupsafe import Markup, escape
 
     low = SUBSCRIPT.sub(r"\1<sub>\2</sub>", str(escape(typeset(clean(text)))))
-    return Markup(IDENTIFIER.sub(r"<small>\g<0></small>", low))
+    return Markup(_identifiers().sub(r"<small>\g<0></small>", low))
+
+
+@cache
+def _identifiers() -> re.Pattern[str]:
+    """Identifiers in brackets behind labels: those of several words, and those of the catalogue."""
+    from winchcascade.rig.effects.catalogue import EFFECTS
+
+    return re.compile(rf"\((?:{'|'.join(EFFECTS)}|[a-z][a-z0-9]*(?:_[a-z0-9]+)+)(?:\([^()]*\))?\)")
 
 
 def _rows(table: Table[Any]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 from collections.abc import Callable
 from contextvars import ContextVar
 from pathlib import Path
@@ -120,6 +121,9 @@ wide. [characters]
 GAP = 2
 """Blanks between columns. [characters]"""
 
+IDENTIFIER = re.compile(r" \([a-z][a-z0-9_]*(\([^()]*\))?\)")
+"""An identifier in brackets behind a label; what it is of, in brackets of its own, stays."""
+
 UNBROKEN = 10_000
 """Width of a table in a pipe, which gets all of it. [characters]"""
 
@@ -216,7 +220,13 @@ def _grids(table: Table[Any], width: int) -> list[Grid]:
     table = table.used()
     brief = [k for k, column in enumerate(table.columns) if column.brief]
     body, below = table.listed()
-    rows = [[_safe(cell) for cell in row] for row in (*body, *below)]
+    rows = [
+        [
+            _safe(_label(cell) if column.named else cell)
+            for column, cell in zip(table.columns, row, strict=True)
+        ]
+        for row in (*body, *below)
+    ]
     heads = [(column.name, column.unit) for column in table.columns]
     longest = [max(map(len, (*heads[k], *(row[k] for row in rows)))) for k in range(len(heads))]
     left = table.left
@@ -231,6 +241,15 @@ def _grids(table: Table[Any], width: int) -> list[Grid]:
         _grid([(heads[k], left[k], fixed[k], [row[k] for row in rows]) for k in part])
         for part in parts
     ]
+
+
+def _label(text: str) -> str:
+    """A label without the identifier behind it.
+
+    >>> _label("Stator resistance (copper_heating)"), _label("Load of a run (load_entry(r9ohm.csv))")
+    ('Stator resistance', 'Load of a run (r9ohm.csv)')
+    """
+    return IDENTIFIER.sub(lambda found: f" {found[1]}" if found[1] else "", text)
 
 
 def _grid(columns: Sequence[tuple[tuple[str, str], bool, bool, list[str]]]) -> Grid:

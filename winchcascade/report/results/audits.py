@@ -5,13 +5,16 @@ what a rig can attain.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from functools import partial
+from string import ascii_lowercase
+from typing import TYPE_CHECKING, NamedTuple
 
 from winchcascade.core.quantity import load_text, unit_suffix
 from winchcascade.report.content import (
     Column,
     Measured,
     Note,
+    Picture,
     Report,
     Section,
     Span,
@@ -19,14 +22,29 @@ from winchcascade.report.content import (
     section,
     table,
 )
-from winchcascade.report.glossary import upper
+from winchcascade.report.diagnosis_names import call_all, called
+from winchcascade.report.figures.style import (
+    COLOURS,
+    Look,
+    draw_intervals,
+    label_panel,
+    legend_above,
+    line_entry,
+    panel_figure,
+    patch_entry,
+)
+from winchcascade.report.glossary import tex, upper
 from winchcascade.report.results.common import PRINTED, provenance, table_rows
+from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Parameter
 from winchcascade.tables.attainable import Ability, AttainableRanges, SuspectResult, Values
 from winchcascade.tables.audit import Audit, Contradiction, RecoveredWindow, percent
 from winchcascade.tables.claims import ClaimVerdict
 from winchcascade.tables.column_laws import ColumnFault, LawUse
 from winchcascade.tables.payouts import RAMPS, STARTED, AttainableRow, Cell
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 VERDICTS = {
     "contradicted": "contradicted",
@@ -45,6 +63,9 @@ CLOSED_MIN = 0.005
 """An effect that removes less than this share of the excess over the attainable range does
 nothing. [1]
 """
+
+PRINTED_INSIDE, PRINTED_OUTSIDE = Look("ink", "-", "o"), Look("mech", "-", "D")
+"""Looks of a printed efficiency within and outside what the rig can attain."""
 
 CONTRADICTED: tuple[Column[Contradiction], ...] = (
     Column("row", lambda c: c.row.name, brief=False),
@@ -309,10 +330,48 @@ def _physics(ranges: AttainableRanges) -> list[Section]:
             Note(basis),
             *(Note(f"{upper(text)}.", "Note") for text in ranges.notes),
             *(Note(f"{load_text(item.load)}: {item.reason}.", "Not judged") for item in ranges.not_judged),
+            Picture(
+                "attainable",
+                "Printed efficiencies, with what rounding and scatter allow, over the range that the "
+                "rig can attain, row by row.",
+                "Points over bars, one panel for each efficiency; the values are in the table.",
+                partial(attainable_figure, ranges),
+            ),
             table("attainable", "Published efficiencies and what the rig can attain.", JUDGED, judged),
         ),
         *([] if ranges.ok else [_sets(ranges), _effects(ranges)]),
     ]  # fmt: skip
+
+
+def attainable_figure(ranges: AttainableRanges) -> Figure | None:
+    """Draw printed efficiencies, with what rounding and scatter allow, over what the rig can attain
+    in each row; None where no row was judged.
+    """
+    metrics = list(dict.fromkeys(cell.metric for row in ranges.rows for cell in row.cells))
+    if not metrics:
+        return None
+    figure, axes = panel_figure(0.5 + 1.3 * len(metrics), len(metrics), share="x")
+    for ax, letter, metric in zip(axes, ascii_lowercase, metrics, strict=False):
+        judged = [
+            (x, cell) for x, row in enumerate(ranges.rows) for cell in row.cells if cell.metric == metric
+        ]  # fmt: skip
+        for x, cell in judged:
+            band = {"color": COLOURS["gen"], "alpha": 0.3, "lw": 0}
+            ax.fill_between([x - 0.3, x + 0.3], cell.low, cell.high, **band)
+        for look, outside in ((PRINTED_INSIDE, False), (PRINTED_OUTSIDE, True)):
+            own = [(x, cell) for x, cell in judged if cell.outside is outside]
+            ends = [(c.printed, c.printed - c.allowed, c.printed + c.allowed) for _, c in own]
+            draw_intervals(ax, [x for x, _ in own], ends, look, [True] * len(own))
+        label_panel(ax, letter, tex(metric), y="Efficiency (1)")
+        ax.grid(axis="x", visible=False)
+    axes[-1].set_xticks(range(len(ranges.rows)), [load_words(row.load) for row in ranges.rows])
+    entries = [patch_entry("attainable", "gen", alpha=0.3, lw=0)]
+    for look, name in ((PRINTED_INSIDE, "printed, inside"), (PRINTED_OUTSIDE, "printed, outside")):
+        outside = look is PRINTED_OUTSIDE
+        if any(cell.outside is outside for row in ranges.rows for cell in row.cells):
+            entries.append(line_entry(name, look.colour, marker=look.mark, ms=4))
+    legend_above(figure, entries)
+    return figure
 
 
 class Suspected(NamedTuple):
@@ -327,7 +386,7 @@ ALONE = {"explains": "explains", "beyond_plausible": "implausible", "no": ""}
 """Whether one value of an effect brings all rows within the attainable range, in words."""
 
 SUSPECTED: tuple[Column[Suspected], ...] = (
-    Column("effect", lambda s: s.effect.effect),
+    Column("effect", lambda s: called(s.effect.effect), named=True),
     Column("stage", lambda s: s.effect.stage, brief=False),
     Column("efficiency", lambda s: s.alone.metric),
     Column("plausible", lambda s: _plausible(*s.effect.fields), brief=False),
@@ -341,7 +400,7 @@ def _plausible(first: Parameter, *more: Parameter) -> str:
     return (
         f"{1 + len(more)} fields"
         if more
-        else f"{first.low:g} to {first.high:g}{unit_suffix(first.unit)}"
+        else f"{first.low:.3g} to {first.high:.3g}{unit_suffix(first.unit)}"
     )
 
 
@@ -361,9 +420,7 @@ def _effects(ranges: AttainableRanges) -> Section:
         key=lambda s: (wanted.index(s.alone.metric), s.alone.verdict != "explains", -s.alone.closed)
     )
     helping = {one.effect.effect for one in found}
-    nothing = ", ".join(
-        suspect.effect for suspect in ranges.suspects if suspect.effect not in helping
-    )
+    nothing = call_all(one.effect for one in ranges.suspects if one.effect not in helping)
     legend = (
         "from the row that needs least to the one that needs most, * in some rows no value does; "
         "closes: share of the excess "

@@ -33,6 +33,7 @@ from winchcascade.report.content import Column, Measured, Note, Span, Tile, sect
 from winchcascade.report.figures.style import (
     COLOURS,
     cut_apart,
+    draw_intervals,
     evenly,
     label_panel,
     look_of,
@@ -318,12 +319,10 @@ def difference_figure(found: Comparison, metrics: Sequence[str]) -> Figure:
         place = name.rpartition("_")[2]
         look = look_of({"trans": "mech", "pto": "line"}.get(place, place))
         ax.axhline(0.0, color=COLOURS["ink"], lw=0.8, zorder=1)
-        for x, one in ((x, one) for x, run in enumerate(runs) if (one := run.of(name)) is not None):
-            low, high = one.interval or (math.nan, math.nan)
-            ax.errorbar(
-                [x], [one.value], yerr=[[one.value - low], [high - one.value]], color=COLOURS[look.colour], marker=look.mark,
-                mfc=COLOURS[look.colour if one.excludes_zero else "paper"], ms=5, mew=1.0, capsize=3, lw=1.1,
-            )  # fmt: skip
+        known = [(x, one) for x, run in enumerate(runs) if (one := run.of(name)) is not None]
+        ends = [(one.value, *(one.interval or (math.nan, math.nan))) for _, one in known]
+        excludes = [one.excludes_zero is True for _, one in known]
+        draw_intervals(ax, [x for x, _ in known], ends, look._replace(dashes="-"), excludes)
         ax.set_xlim(-0.6, len(runs) - 0.4)
         ax.grid(axis="x", visible=False)
         ax.locator_params(axis="y", nbins=5)

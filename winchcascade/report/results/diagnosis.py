@@ -228,7 +228,7 @@ def _own_simulation(found: ModelDiagnosis) -> Section:
             "model-form", "Your simulation minus the model of the rig file, where they differ "
                           "most.",
             [
-                Column("likely", lambda form: called(form.likely or "unknown", found.suspects)),
+                Column("likely", lambda form: called(form.likely or "unknown", found.suspects), named=True),
                 Column("stage", lambda form: form.stage),
                 Column("place", lambda form: f"{NAMES[form.channel]}, "
                                              f"{phase_words(form.phase)}{at_words(form.load)}"),
@@ -400,7 +400,7 @@ def _cycle(found: ModelDiagnosis, blocks: pd.DataFrame, word: str) -> Picture | 
 
 
 RANGE_COLUMNS: list[Column[tuple[str, Parameter]]] = [
-    Column("effect", lambda row: called(row[0])),
+    Column("effect", lambda row: called(row[0]), named=True),
     Column("field", lambda row: row[1].name),
     Column("plausible", lambda row: f"{row[1].low:.3g} to {row[1].high:.3g}"),
     Column("unit", lambda row: row[1].unit),
@@ -427,7 +427,7 @@ def _considered(found: ModelDiagnosis) -> Section:
             "Best single effects: evidence relative to the best set, and share of the gap closed "
             "on held-out logs.",
             [
-                Column[SingleEffect]("effect", lambda one: called(one.effect, found.suspects)),
+                Column[SingleEffect]("effect", lambda one: called(one.effect, found.suspects), named=True),
                 Column("evidence", lambda one: one.evidence, "nats", 1, signed=True),
                 Column("closes alone", lambda one: share_words(one.closure) if math.isfinite(one.closure) else ""),
             ],
@@ -447,7 +447,7 @@ def _considered(found: ModelDiagnosis) -> Section:
             "From which size each effect alone would have been named in nine of ten such "
             "campaigns; -: no plausible size.",
             [
-                Column[Threshold]("effect", lambda one: called(one.effect, found.suspects)),
+                Column[Threshold]("effect", lambda one: called(one.effect, found.suspects), named=True),
                 Column("stage", lambda one: found.suspects[one.effect].stage),
                 Column("what it is", lambda one: found.suspects[one.effect].summary),
                 Column("named from", lambda one: _named_from(one, _display(found, one))),

@@ -86,10 +86,10 @@ def candidates_table(found: DiagnosisResult) -> Table[CauseRow]:
         "candidates", "Candidates: the fit uses them, but each may imitate something that the "
                       "catalogue lacks.",
         [
-            Column("effect", partial(_effect, found)),
+            Column("effect", partial(_effect, found), named=True),
             *number_columns(),
             Column("without", _closed_without),
-            Column("look-alikes", partial(_alike, found)),
+            Column("look-alikes", partial(_alike, found), named=True),
         ],
         _rows(found, found.candidates),
         note="Candidates are neither entered nor priced. Without: share of the gap that is closed "
@@ -126,14 +126,14 @@ def causes_table(found: DiagnosisResult) -> Table[CauseRow]:
         "causes", "Effects that are needed; 95 % intervals include the uncertainty of the rig "
                   "file.",
         [
-            Column("effect", partial(_effect, found)),
+            Column("effect", partial(_effect, found), named=True),
             Column("what changes", lambda row: row.how.what, brief=False),
             *number_columns(),
             Column("range", lambda row: range_words(row.value)),
             Column("prob.", lambda row: probability_words(row.cause.probability) if row.first else ""),
             Column("cost", lambda row: cost_of(costs, row.cause) if row.first else None, "points", 1, signed=True),
             Column("without", _closed_without),
-            Column("look-alikes", partial(_alike, found)),
+            Column("look-alikes", partial(_alike, found), named=True),
             Column("what to do", lambda row: str(words.action_of(found, row.cause)) if row.first else ""),
         ],
         _rows(found, found.causes),
@@ -245,7 +245,7 @@ def residual(found: DiagnosisResult) -> Section:
         table(
             "alarms", "Signs of something that the named causes do not explain.",
             [
-                Column[Alarm]("where", lambda alarm: alarm_place(alarm, files)),
+                Column[Alarm]("where", lambda alarm: alarm_place(alarm, files), named=True),
                 Column("kind", lambda alarm: alarm.kind),
                 Column("size", lambda alarm: number(alarm.size, 0.1 * alarm.size if alarm.limit else 0.0)),
                 Column("limit", lambda alarm: number(alarm.limit, alarm.limit)),
@@ -304,7 +304,7 @@ def effects_table(
 ) -> Table[EffectNumber]:
     """Numbers of some effects beside those of the causes."""
     columns: list[Column[EffectNumber]] = [
-        Column("effect", lambda row: called(row.effect, suspects)),
+        Column("effect", lambda row: called(row.effect, suspects), named=True),
         *number_columns(),
         Column("what it is", lambda row: row.role),
     ]

@@ -240,7 +240,7 @@ def _tried(found: StageDiagnosis) -> Section:
         table(
             "sets", "Sets of suspects by their probability.",
             [
-                Column("set", lambda names: call_all(names, found.suspects, " + ") or "none: no loss"),
+                Column("set", lambda names: call_all(names, found.suspects, " + ") or "none: no loss", named=True),
                 Column("probability", lambda names: probability_words(found.sets[names])),
                 Column("choice", lambda names: "chosen" if names == found.chosen else ""),
             ],
