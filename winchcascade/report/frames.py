@@ -42,7 +42,9 @@ _PARAMETER = ("value", "low", "high")
 
 
 def reduction_frame(reduction: Reduction, table: str) -> pd.DataFrame:
-    """Cycles, bins of generator speed, or findings of a reduction."""
+    """Cycles, bins of generator speed, findings, or samples of the channels of a reduction."""
+    if table == "channels":
+        return samples_frame(reduction)
     rows = table_rows(reduction.run.name, reduction_record(reduction))[table]
     return _frame(rows, table_schema(table, cascades=[reduction.rig.cascade]))
 
@@ -84,8 +86,7 @@ def simulation_frame(found: Simulation) -> pd.DataFrame:
     """What the sensors of a simulated log give, and what has no sensor: speed, current and
     torque of the generator.
     """
-    channels = given_rig("to_pandas", None, found.run.rig).known_channels
-    return run_frame(found.run, channels).assign(
+    return log_frame(found.run).assign(
         speed_gen_rpm=found.rpm_gen, i_s_a=found.i_s, torque_em_nm=found.torque_em
     )
 
@@ -97,9 +98,11 @@ def record_frame(records: object) -> pd.DataFrame:
     return pd.json_normalize(msgspec.to_builtins(records), sep="_")
 
 
-def run_findings_frame(run: Run) -> pd.DataFrame:
-    """Findings of the checks of a log when it was read, a row for each."""
-    return _frame(finding_rows(run), table_schema("findings"))
+def log_frame(run: Run, table: str = "channels") -> pd.DataFrame:
+    """Channels of a log, or findings of its checks when it was read, a row for each."""
+    if table == "findings":
+        return _frame(finding_rows(run), table_schema("findings"))
+    return run_frame(run, given_rig("to_pandas", None, run.rig).known_channels)
 
 
 def samples_frame(reduction: Reduction) -> pd.DataFrame:

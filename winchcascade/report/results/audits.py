@@ -9,6 +9,8 @@ from functools import partial
 from string import ascii_lowercase
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from winchcascade.core.quantity import load_text, unit_suffix
 from winchcascade.report.content import (
     Column,
@@ -64,8 +66,8 @@ CLOSED_MIN = 0.005
 nothing. [1]
 """
 
-PRINTED_INSIDE, PRINTED_OUTSIDE = Look("ink", "-", "o"), Look("mech", "-", "D")
-"""Looks of a printed efficiency within and outside what the rig can attain."""
+PRINTED_LOOK = Look("mech", "-", "o")
+"""Look of a printed efficiency."""
 
 CONTRADICTED: tuple[Column[Contradiction], ...] = (
     Column("row", lambda c: c.row.name, brief=False),
@@ -333,7 +335,7 @@ def _physics(ranges: AttainableRanges) -> list[Section]:
             Picture(
                 "attainable",
                 "Printed efficiencies, with what rounding and scatter allow, over the range that the "
-                "rig can attain, row by row.",
+                "rig can attain, row by row; full markers: outside.",
                 "Points over bars, one panel for each efficiency; the values are in the table.",
                 partial(attainable_figure, ranges),
             ),
@@ -351,26 +353,22 @@ def attainable_figure(ranges: AttainableRanges) -> Figure | None:
     if not metrics:
         return None
     figure, axes = panel_figure(0.5 + 1.3 * len(metrics), len(metrics), share="x")
+    places = {row.load: x for x, row in enumerate(ranges.rows)}
     for ax, letter, metric in zip(axes, ascii_lowercase, metrics, strict=False):
-        judged = [
-            (x, cell) for x, row in enumerate(ranges.rows) for cell in row.cells if cell.metric == metric
-        ]  # fmt: skip
-        for x, cell in judged:
-            band = {"color": COLOURS["gen"], "alpha": 0.3, "lw": 0}
-            ax.fill_between([x - 0.3, x + 0.3], cell.low, cell.high, **band)
-        for look, outside in ((PRINTED_INSIDE, False), (PRINTED_OUTSIDE, True)):
-            own = [(x, cell) for x, cell in judged if cell.outside is outside]
-            ends = [(c.printed, c.printed - c.allowed, c.printed + c.allowed) for _, c in own]
-            draw_intervals(ax, [x for x, _ in own], ends, look, [True] * len(own))
+        judged = {
+            places[row.load]: cell for row in ranges.rows for cell in row.cells if cell.metric == metric
+        }  # fmt: skip
+        cells = judged.values()
+        low, high = np.array([(cell.low, cell.high) for cell in cells]).T
+        ax.bar(list(judged), high - low, 0.6, low, color=COLOURS["gen"], alpha=0.3)
+        ends = [(c.printed, c.printed - c.allowed, c.printed + c.allowed) for c in cells]
+        draw_intervals(ax, list(judged), ends, PRINTED_LOOK, [cell.outside for cell in cells])
         label_panel(ax, letter, tex(metric), y="Efficiency (1)")
         ax.grid(axis="x", visible=False)
-    axes[-1].set_xticks(range(len(ranges.rows)), [load_words(row.load) for row in ranges.rows])
-    entries = [patch_entry("attainable", "gen", alpha=0.3, lw=0)]
-    for look, name in ((PRINTED_INSIDE, "printed, inside"), (PRINTED_OUTSIDE, "printed, outside")):
-        outside = look is PRINTED_OUTSIDE
-        if any(cell.outside is outside for row in ranges.rows for cell in row.cells):
-            entries.append(line_entry(name, look.colour, marker=look.mark, ms=4))
-    legend_above(figure, entries)
+    axes[-1].set_xticks(list(places.values()), [load_words(load) for load in places])
+    band = patch_entry("attainable", "gen", alpha=0.3, lw=0)
+    printed = line_entry("printed", PRINTED_LOOK.colour, marker=PRINTED_LOOK.mark, ms=4)
+    legend_above(figure, [band, printed])
     return figure
 
 

@@ -42,7 +42,7 @@ from winchcascade.report.figures.style import (
 from winchcascade.report.glossary import metric, short, tex
 from winchcascade.report.results.common import data_note, provenance
 from winchcascade.report.results.judgement import judgement_banner, judgement_note
-from winchcascade.report.wording import banner, load_words
+from winchcascade.report.wording import banner
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -77,9 +77,6 @@ TERMS: tuple[tuple[str, Cell], ...] = (
 )
 """Words of ASME V&V 20-2009."""
 
-NAMED_RUNS = 12
-"""Maximum number of runs of which each is named by its load below a figure."""
-
 BEFORE, AFTER = Look("mech", "-", "o"), Look("gen", "-", "s")
 """Looks of the two simulations."""
 
@@ -104,6 +101,8 @@ def errors_figure(rows: Sequence[Validated]) -> Figure:
     """Draw the comparison errors of each quantity with the intervals of the model error, run by
     run: before hollow, after full.
     """
+    from matplotlib.ticker import MaxNLocator
+
     quantities = [name for name in FILED if any(row.quantity == name for row in rows)]
     figure, axes = panel_figure(0.6 + 1.15 * len(quantities), len(quantities), share="x")
     for ax, letter, name in zip(axes, "abcd", quantities, strict=False):
@@ -117,11 +116,8 @@ def errors_figure(rows: Sequence[Validated]) -> Figure:
             draw_intervals(ax, [run + shift for run, _ in known], ends, look, full)
         label_panel(ax, letter, f"E of {tex(name)}", y=f"E ({metric(name).unit or 1})")
         ax.grid(axis="x", visible=False)
-    loads = {row.log + 1: load_words(row.load) for row in rows}
-    named = list(loads.items()) if len(loads) <= NAMED_RUNS else []
-    if named:
-        axes[-1].set_xticks([run for run, _ in named], [f"{run}\n{load}" for run, load in named])
-    axes[-1].set_xlabel("Run")
+    axes[-1].xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes[-1].set_xlabel("Run, as in the table")
     entries = [line_entry("before", BEFORE.colour, marker=BEFORE.mark, ms=4, mfc=COLOURS["paper"])]
     if any(row.after for row in rows):
         entries.append(line_entry("after", AFTER.colour, marker=AFTER.mark, ms=4))
