@@ -205,7 +205,7 @@ def _of_results(name: str) -> Callable[..., Any]:
     return found
 
 
-VIEWS = {
+VIEWS: Mapping[type, View] = {
     Audit: View(
         "audits:audit_report",
         _listed("audit_record:audit_record", "contradictions", "claims", "windows", "column_faults", "laws"),

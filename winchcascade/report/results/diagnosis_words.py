@@ -303,14 +303,14 @@ def distinguished_words(found: DiagnosisResult) -> str:
 
 
 def not_needed_words(found: DiagnosisResult) -> str:
-    """Names of the effects that are not needed beside the causes; an entry of several runs is
+    """Labels of the effects that are not needed beside the causes; an entry of several runs is
     listed once.
     """
     chosen = {effect_name(name) for name in found.chosen}
     others = dict.fromkeys(
-        effect_name(name) for name in found.suspects if effect_name(name) not in chosen
+        effect.label for name, effect in found.suspects.items() if effect_name(name) not in chosen
     )
-    return f"Not needed: {call_all(others, found.suspects)}." if found.causes else ""
+    return f"Not needed: {', '.join(others)}." if found.causes else ""
 
 
 def undetermined_words(found: ModelDiagnosis) -> str:
