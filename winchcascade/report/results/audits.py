@@ -333,7 +333,7 @@ def _physics(ranges: AttainableRanges) -> list[Section]:
             *(Note(f"{upper(text)}.", "Note") for text in ranges.notes),
             *(Note(f"{load_text(item.load)}: {item.reason}.", "Not judged") for item in ranges.not_judged),
             Picture(
-                "attainable",
+                "attainable-range",
                 "Printed efficiencies, with what rounding and scatter allow, over the range that the "
                 "rig can attain, row by row; full markers: outside.",
                 "Points over bars, one panel for each efficiency; the values are in the table.",

@@ -88,7 +88,7 @@ def validation_section(found: ModelDiagnosis) -> Section:
     """The validation as a part of a diagnosis."""
     rows = [row for row in found.validation if row.quantity in FILED]
     picture = Picture(
-        "validation",
+        "validation-errors",
         "Comparison errors E with E +- 1.96 u_val, by run, before (hollow) and after (full).",
         "Points with intervals about zero, one panel for each quantity; the values are in the table.",
         partial(errors_figure, rows),
