@@ -291,7 +291,7 @@ class Picture(msgspec.Struct, frozen=True, dict=True):
 
     def _repr_svg_(self) -> str:
         """The figure, for notebooks."""
-        from winchcascade.report.render.drawing import drawn
+        from winchcascade.report.figures.style import drawn
 
         return drawn(self.figure).decode()
 

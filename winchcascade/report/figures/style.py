@@ -4,6 +4,7 @@ looks and legends.
 
 from __future__ import annotations
 
+import io
 import logging
 import math
 import re
@@ -11,8 +12,11 @@ import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
+
+from winchcascade.core.version import GENERATOR
 
 logging.getLogger("matplotlib").setLevel(
     logging.ERROR
@@ -163,6 +167,41 @@ def house_style() -> Iterator[None]:
             *(name for name in OTHER_FONTS if name in there),
         ]
         yield
+
+
+# ------------------------------------------------------------------------------- files of a figure
+_ABOUT: dict[str, dict[str, str | None]] = {
+    "svg": {"Date": None, "Creator": GENERATOR},
+    "pdf": {"CreationDate": None, "Creator": GENERATOR},
+    "png": {"Software": GENERATOR},
+}
+
+
+_DRAWN: WeakKeyDictionary[Figure, dict[str, bytes]] = WeakKeyDictionary()
+"""Files of the figures of a report, by their endings: its page, its PDF and its folder of
+figures share them.
+"""
+
+
+def drawn(figure: Figure | None, ending: str = "svg") -> bytes:
+    """The figure of a picture, which does not change afterwards, as SVG, PDF or PNG."""
+    assert figure is not None  # renderers leave out pictures of nothing
+    files = _DRAWN.setdefault(figure, {})
+    if ending not in files:
+        files[ending] = _draw(figure, ending)
+    return files[ending]
+
+
+@house_style()
+def _draw(figure: Figure, ending: str) -> bytes:
+    """Draw a figure; its layout is made once, as a second one would differ by rounding."""
+    layout = figure.get_layout_engine()
+    if layout is not None:
+        layout.execute(figure)
+        figure.set_layout_engine(None)
+    out = io.BytesIO()
+    figure.savefig(out, format=ending, dpi=300, metadata=_ABOUT[ending])
+    return out.getvalue()
 
 
 # ----------------------------------------------------------------------------------------- panels

@@ -6,17 +6,18 @@ from __future__ import annotations
 
 import re
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from winchcascade.core.version import GENERATOR
 from winchcascade.report.content import Picture, Report, Table
-from winchcascade.report.figures.style import COLOURS, WIDTH
+from winchcascade.report.figures.style import COLOURS, WIDTH, drawn
 from winchcascade.report.glossary import SUBSCRIPT, clean, typeset
-from winchcascade.report.render.drawing import drawn, template_folder
 
 if TYPE_CHECKING:
     import jinja2
     from markupsafe import Markup
+
 
 LONG = 32
 """A longer text in a cell may break into lines. [characters]"""
@@ -123,3 +124,12 @@ def _json(text: str) -> Markup:
     from markupsafe import Markup
 
     return Markup(text.replace("<", "\\u003c"))
+
+
+_PACKAGE = Path(__file__).parents[2]
+
+
+def template_folder() -> Path:
+    """Folder of the report's templates."""
+    inside = _PACKAGE / "templates"
+    return inside if inside.is_dir() else _PACKAGE.parent / "templates"

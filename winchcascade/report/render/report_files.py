@@ -16,8 +16,8 @@ from winchcascade.core.plain_text import cell_text
 from winchcascade.core.store import inside, make_one
 from winchcascade.core.version import GENERATOR
 from winchcascade.report.content import PROVENANCE, Report, Table
+from winchcascade.report.figures.style import drawn
 from winchcascade.report.glossary import RAISED, SUBSCRIPT, typeset
-from winchcascade.report.render.drawing import drawn
 
 if TYPE_CHECKING:
     import pandas as pd

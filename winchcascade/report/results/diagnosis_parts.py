@@ -1,5 +1,5 @@
 """Parts of the report of a diagnosis that one with a model and one without have in common:
-causes, residual, numbers.
+causes, residual, numbers; and what else was considered.
 """
 
 from __future__ import annotations
@@ -18,8 +18,11 @@ from winchcascade.diagnosis.diagnosis_result import (
     NamedCause,
     Place,
     Reported,
+    SingleEffect,
 )
 from winchcascade.diagnosis.explain.figure_data import cost_of, mean_costs
+from winchcascade.diagnosis.explain.thresholds import Threshold
+from winchcascade.diagnosis.fit.nuisances import Nuisance
 from winchcascade.report.content import (
     Cell,
     Column,
@@ -27,7 +30,6 @@ from winchcascade.report.content import (
     Note,
     Picture,
     Section,
-    Span,
     Table,
     Tile,
     number_text,
@@ -35,14 +37,14 @@ from winchcascade.report.content import (
     table,
 )
 from winchcascade.report.diagnosis_names import (
-    INTERVAL_WIDTH,
     NAMES,
-    UNDETERMINED,
     alarm_place,
     call_all,
     called,
     display_of,
     files_of,
+    nuisance_words,
+    number_cells,
     origins_of,
     phase_words,
     probability_words,
@@ -54,7 +56,7 @@ from winchcascade.report.figures.diagnosis_figures import profile_figure, stabil
 from winchcascade.report.glossary import upper
 from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.common import data_note, provenance
-from winchcascade.rig.effects.effect import Display, Effect
+from winchcascade.rig.effects.effect import Display, Effect, Parameter
 
 
 # ------------------------------------------------------------------------------------- the causes
@@ -163,29 +165,11 @@ class EffectNumber(NamedTuple):
 
 
 def number_columns() -> list[Column[Any]]:
-    """Number and interval of an effect in the unit in which it is shown, with the digits that
-    the interval allows.
-    """
-
-    def u(row: CauseRow | EffectNumber) -> float | None:
-        return (
-            (row.value.high - row.value.low) / INTERVAL_WIDTH * row.how.factor
-            if row.value.determined
-            else None
-        )
-
-    def number(row: CauseRow | EffectNumber) -> Cell:
-        return Measured(row.value.value * row.how.factor, u(row), signed=row.how.signed)
-
-    def interval(row: CauseRow | EffectNumber) -> Cell:
-        if not row.value.determined:
-            return UNDETERMINED
-        return Span(row.value.low * row.how.factor, row.value.high * row.how.factor, u(row))
-
+    """Number and interval of an effect in the unit in which it is shown."""
     return [
-        Column("found", number),
+        Column("found", lambda row: number_cells(row.how, row.value)[0]),
         Column("unit", lambda row: row.how.unit),
-        Column("95 %", interval),
+        Column("95 %", lambda row: number_cells(row.how, row.value)[1]),
     ]
 
 
@@ -309,6 +293,94 @@ def effects_table(
         Column("what it is", lambda row: row.role),
     ]
     return table(name, caption, columns, rows)
+
+
+LISTED_NUISANCES = 12
+"""Nuisances that are listed, those that the fit moved most."""
+
+RANGE_COLUMNS: list[Column[tuple[str, Parameter]]] = [
+    Column("effect", lambda row: called(row[0]), named=True),
+    Column("field", lambda row: row[1].name),
+    Column("plausible", lambda row: f"{row[1].low:.3g} to {row[1].high:.3g}"),
+    Column("unit", lambda row: row[1].unit),
+    Column("share", lambda row: "{:.3g} to {:.3g}".format(*row[1].share or (0.0, 0.0))),
+    Column("of", lambda row: row[1].scale.replace("_", " ")),
+]
+"""Plausible range of a field of a suspect."""
+
+
+def considered(found: ModelDiagnosis) -> Section:
+    """Effects that are not causes, numbers that the logs do not know, and what the fit moved."""
+    files = files_of(found)
+    pulls = sorted(
+        zip(found.data.nuisances, found.found.best.nu.tolist(), strict=True),
+        key=lambda pair: -abs(pair[1]),
+    )
+    moved: list[tuple[Nuisance, float]] = [pair for pair in pulls if abs(pair[1]) > 1.0]
+    return section(
+        "considered", "What else was considered",
+        Note(words.not_needed_words(found), brief=False),
+        Note(words.undetermined_words(found), brief=False),
+        minor_table(found),
+        table(
+            "singles",
+            "Best single effects: evidence relative to the best set, and share of the gap closed "
+            "on held-out logs.",
+            [
+                Column[SingleEffect]("effect", lambda one: called(one.effect, found.suspects), named=True),
+                Column("evidence", lambda one: one.evidence, "nats", 1, signed=True),
+                Column("closes alone", lambda one: share_words(one.closure) if math.isfinite(one.closure) else ""),
+            ],
+            found.singles,
+            brief=False,
+        ),
+        table(
+            "ranges",
+            "Plausible ranges of effects with a size of their own: in units, and as a share of a "
+            "scale of the campaign.",
+            RANGE_COLUMNS,
+            [(name, field) for name, effect in found.suspects.items() for field in effect.fields if field.share],
+            brief=False,
+        ),
+        table(
+            "thresholds",
+            "From which size each effect alone would have been named in nine of ten such "
+            "campaigns; -: no plausible size.",
+            [
+                Column[Threshold]("effect", lambda one: called(one.effect, found.suspects), named=True),
+                Column("stage", lambda one: found.suspects[one.effect].stage),
+                Column("what it is", lambda one: found.suspects[one.effect].summary),
+                Column("named from", lambda one: _named_from(one, _display(found, one))),
+                Column("unit", lambda one: _display(found, one).unit),
+            ],
+            found.thresholds,
+            brief=False,
+        ),
+        table(
+            "nuisances", "What the fit moved most within its tolerance, in standard uncertainties.",
+            [
+                Column("number", lambda pair: nuisance_words(pair[0], files)),
+                Column("moved", lambda pair: pair[1], "", 1, signed=True),
+            ],
+            moved[:LISTED_NUISANCES],
+            brief=False,
+        ),
+        folded=True,
+    )  # fmt: skip
+
+
+def _named_from(one: Threshold, how: Display) -> Cell:
+    """Number from which an effect would have been named, as exact as two digits of its change."""
+    return (
+        None
+        if one.value is None
+        else Measured(one.value * how.factor, abs(one.value - one.absent) * how.factor)
+    )
+
+
+def _display(found: ModelDiagnosis, one: Threshold) -> Display:
+    """How the number of a threshold is shown."""
+    return display_of(one.effect, found.suspects[one.effect].parameter, one.unit)
 
 
 def made_from(found: DiagnosisResult, rows: Sequence[tuple[str, Cell]], command: str) -> Section:

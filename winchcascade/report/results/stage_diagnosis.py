@@ -56,6 +56,7 @@ from winchcascade.report.results.diagnosis_parts import (
     step_tile,
     verdict_tile,
 )
+from winchcascade.report.results.diagnosis_sentences import experiment_words
 from winchcascade.report.wording import banner
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ def stage_report(found: StageDiagnosis, *, command: str = "") -> Report:
                 minor_table(found),
             ),
             section("energies", "Energies by phase", _energies_table(found)),
-            section("next", "Next run", Note(words.experiment_words(found))),
+            section("next", "Next run", Note(experiment_words(found))),
             residual(found),
             _where(found, word),
             _how_far(found, word),
