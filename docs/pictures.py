@@ -117,9 +117,8 @@ def _text(x: float, y: float, text: str, colour: str, *, bold: bool = False) -> 
 def terminal_source() -> Source:
     """What `winchcascade audit` prints in a terminal of 84 columns, with its colours."""
     from winchcascade.core.plain_text import lines
-    from winchcascade.report.render.terminal import terminal_text
+    from winchcascade.report.render.terminal import PIPE, Screen, painted, terminal_text, use_screen
     from winchcascade.report.results.audits import audit_report
-    from winchcascade.report.screen import PIPE, Screen, painted, use_screen
     from winchcascade.tables.audit import audit
 
     use_screen(Screen(84, colour=True))

@@ -4,7 +4,7 @@ import json
 import re
 from html.parser import HTMLParser
 
-from winchcascade.report.render.drawing import template_folder
+from winchcascade.report.render.page import template_folder
 
 VOID = {"meta", "link", "br", "img", "input", "hr", "col", "wbr"}
 NAMESPACES = {"http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"}

@@ -16,7 +16,7 @@ from winchcascade.batch.dataset import SCHEMA, TABLES
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import Products, run_batch
 from winchcascade.core.cascade import BUILT_IN, Cascade
-from winchcascade.report.flat_rows import RUNS_MAX, table_schema
+from winchcascade.report.frames import RUNS_MAX, table_schema
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 FORMULA = "=SUM(A1)"

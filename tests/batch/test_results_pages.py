@@ -10,7 +10,7 @@ from winchcascade.batch.results import load_results
 from winchcascade.batch.results_pages import write_index
 from winchcascade.batch.run_batch import Batch, Products, run_batch
 from winchcascade.report.content import Report
-from winchcascade.report.render.publish import publish
+from winchcascade.report.render.report_files import publish
 
 
 def _batch(campaign: Path, folder: Path) -> Batch:

@@ -29,8 +29,7 @@ from winchcascade.core.files import json_bytes
 from winchcascade.core.rig_toml import read_rig
 from winchcascade.reduction.uncertainty import budget
 from winchcascade.report.content import Picture, Table
-from winchcascade.report.results.comparison import comparison_report
-from winchcascade.report.results.comparison_record import comparison_record
+from winchcascade.report.results.comparison import comparison_record, comparison_report
 from winchcascade.rig.baseline import load_rig
 
 LOGS = Path(__file__).parents[2] / "fixtures" / "campaign"

@@ -17,8 +17,8 @@ from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.run_record import reduction_json
 from winchcascade.reduction.uncertainty import uncertainty
 from winchcascade.report.content import Table
-from winchcascade.report.flat_rows import write_parquet
-from winchcascade.report.render.publish import publish
+from winchcascade.report.frames import write_parquet
+from winchcascade.report.render.report_files import publish
 from winchcascade.report.render.terminal import terminal_text
 from winchcascade.report.results.reduction import reduction_report
 

@@ -9,8 +9,8 @@ from layout import misplaced
 from summaries import run
 
 from winchcascade.reduction.campaign_record import LogSummary
-from winchcascade.report.figures.campaign_figures import over_load, repeated
 from winchcascade.report.figures.style import SHORT, cut_apart, house_style
+from winchcascade.report.results.campaign import over_load, repeated
 
 LOADS: dict[str, list[float | None]] = {
     "twice": [30.0, 30.0, 15.0, 15.0, 8.0],

@@ -29,10 +29,9 @@ from winchcascade.reduction.campaign_record import (
     runs_by_load,
 )
 from winchcascade.report.content import Measured, Report, Table
-from winchcascade.report.figures.campaign_figures import over_load
 from winchcascade.report.figures.style import house_style
 from winchcascade.report.render.page import page_text
-from winchcascade.report.results.campaign import campaign_report, written_campaign
+from winchcascade.report.results.campaign import campaign_report, over_load, written_campaign
 from winchcascade.report.results.campaign_index import results_index
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"

@@ -16,19 +16,18 @@ from winchcascade.diagnosis.explain.model_comparison import COMPARED
 from winchcascade.diagnosis.fit.block_means import PAYOUT
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.report.diagnosis_names import signed
-from winchcascade.report.figures.cause_figures import (
-    profile_figure,
-    stability_figure,
-    waterfall_figure,
-)
 from winchcascade.report.figures.diagnosis_figures import (
     cycle_history,
     error_figure,
     gap_map,
+    profile_figure,
+    stability_figure,
     stage_map,
+    waterfall_figure,
 )
 from winchcascade.report.figures.histories import history_figure, history_json
 from winchcascade.report.figures.style import house_style
+from winchcascade.report.results.validation_report import FILED, errors_figure
 
 ALL = ["copper", "rolloff", "nothing", "outsider"]
 
@@ -65,6 +64,22 @@ def test_errors_are_those_of_the_blocks_and_smaller_after_the_causes(name: str, 
     assert lines[0] == pytest.approx((own.logged - own.before).to_numpy())
     if sides == 2:
         assert np.std(lines[1]) < 0.5 * np.std(lines[0])
+
+
+def test_errors_of_a_validation_stand_with_their_intervals_before_and_after() -> None:
+    rows = [row for row in diagnosed("copper").validation if row.quantity in FILED]
+    figure = errors_figure(rows)
+    quantities = [name for name in FILED if any(row.quantity == name for row in rows)]
+    assert len(figure.axes) == len(quantities)
+    for ax, name in zip(figure.axes, quantities, strict=True):
+        own = [row for row in rows if row.quantity == name]
+        sides = [one for row in own for one in (row.before, row.after) if one is not None]
+        drawn = [y for line in ax.lines[1:] for y in np.asarray(line.get_ydata()).tolist()]
+        assert sorted(drawn) == pytest.approx(sorted(one.error for one in sides))
+        spans = [line[:, 1].tolist() for lines in ax.collections for line in lines.get_segments()]  # type: ignore[attr-defined]
+        assert sorted(spans) == [
+            pytest.approx(x) for x in sorted([one.low, one.high] for one in sides)
+        ]
 
 
 # ------------------------------------------------------------------------------------- the causes

@@ -49,7 +49,7 @@ def test_a_number_of_no_effect_of_the_catalogue_is_shown_by_its_own_name_and_uni
         (0.372, 0.3996, 0.427, ("+40.0 %", "37.2 to 42.7 %")),
         (0.36, 0.4, 0.44, ("+40.0 %", "36.0 to 44.0 %")),
         (-0.3, -0.1, 0.1, ("-10 %", "-30 to 10 %")),
-        (0.1, 0.1, 0.1, ("+10.000 %", "10.000 to 10.000 %")),
+        (0.1, 0.1, 0.1, ("+10.00 %", "10.00 to 10.00 %")),
     ],
 )
 def test_a_number_has_the_digits_that_its_interval_allows(

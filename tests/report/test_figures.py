@@ -17,8 +17,7 @@ from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
 from winchcascade.report.figures import reduction_figures as figures
 from winchcascade.report.figures.histories import PANELS, history_figure, log_history, powers_of
-from winchcascade.report.figures.style import COLOURS, house_style, label_panel, panel_figure
-from winchcascade.report.render.drawing import drawn
+from winchcascade.report.figures.style import COLOURS, drawn, house_style, label_panel, panel_figure
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 LOGS = {

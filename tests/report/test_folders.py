@@ -20,7 +20,7 @@ from winchcascade.report.figures.style import (
     line_entry,
     panel_figure,
 )
-from winchcascade.report.render.folders import latex, latex_text, write_figures, write_tables
+from winchcascade.report.render.report_files import latex, latex_text, write_figures, write_tables
 
 NAME, ENERGY, SHARE = "η_pto of {a_b} & c", 7114.9, 0.123456789
 

@@ -25,13 +25,11 @@ from stated import tables
 from stated import texts as stated_texts
 
 from winchcascade.report.content import PROVENANCE, Picture, Report, Table
-from winchcascade.report.figures.style import house_style
+from winchcascade.report.figures.style import drawn, house_style
 from winchcascade.report.glossary import typeset
-from winchcascade.report.render.drawing import drawn
-from winchcascade.report.render.folders import write_tables
 from winchcascade.report.render.pdf import pdf_bytes
-from winchcascade.report.render.terminal import terminal_text
-from winchcascade.report.screen import PIPE, Screen, use_screen
+from winchcascade.report.render.report_files import write_tables
+from winchcascade.report.render.terminal import PIPE, Screen, terminal_text, use_screen
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

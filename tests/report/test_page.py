@@ -21,7 +21,7 @@ from winchcascade.report.content import Note, Picture, Report, section
 from winchcascade.report.figures.style import COLOURS
 from winchcascade.report.glossary import typeset
 from winchcascade.report.render.page import page_text
-from winchcascade.report.render.publish import publish
+from winchcascade.report.render.report_files import publish
 from winchcascade.report.results.reduction import reduction_report
 from winchcascade.rig.baseline import load_rig
 

@@ -11,7 +11,7 @@ from winchcascade import read_run, reduce
 from winchcascade.core.rig_toml import parse_rig
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.run_record import reduction_json
-from winchcascade.report.flat_rows import write_parquet
+from winchcascade.report.frames import write_parquet
 
 NINE = {
     "energy_line_j", "energy_mech_j", "energy_gen_j", "power_line_w", "power_mech_w", "power_gen_w", "eta_trans", "eta_gen",

@@ -134,15 +134,15 @@ def test_a_check_gives_each_cell_its_verdict(fixtures: Path, tmp_path: Path) -> 
         "--html", tmp_path / "c.html", "--tables", tmp_path / "tables", code=1,
     )  # fmt: skip
     cells: list[dict[str, Any]] = json.loads((tmp_path / "c.json").read_text())["cells"]
-    rows = _rows(tmp_path / "c.html", "cells")[1:]
-    assert len(rows) == len(cells)
-    cells.sort(key=lambda cell: cell["outcome"] == "ok")
-    for row, cell in zip(rows, cells, strict=True):
-        assert row[8] == {"ok": "agrees", "miss": "differs"}[cell["outcome"]]
-        assert float(row[3]) == pytest.approx(cell["printed"])
-    assert printed.count("differs\n") == sum(row[8] == "differs" for row in rows)
-    name = "hsu2026-table2_check_cells.csv"
-    with (tmp_path / "tables" / name).open(encoding="utf-8", newline="") as file:
-        assert [float(row["found"]) for row in csv.DictReader(file)] == [
-            cell["measured"] for cell in cells
-        ]
+    for table, outcome in (("cells", "miss"), ("agreeing", "ok")):
+        rows = _rows(tmp_path / "c.html", table)[1:]
+        listed = [cell for cell in cells if cell["outcome"] == outcome]
+        assert [float(row[3]) for row in rows] == pytest.approx(
+            [cell["printed"] for cell in listed]
+        )
+        name = f"hsu2026-table2_check_{table}.csv"
+        with (tmp_path / "tables" / name).open(encoding="utf-8", newline="") as file:
+            assert [float(row["found"]) for row in csv.DictReader(file)] == [
+                cell["measured"] for cell in listed
+            ]
+    assert printed.count("differs\n") == sum(cell["outcome"] == "miss" for cell in cells)

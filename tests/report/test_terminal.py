@@ -5,8 +5,7 @@ import re
 from winchcascade.core.plain_text import lines
 from winchcascade.report.content import Column, Note, Report, Table, section, table
 from winchcascade.report.glossary import typeset
-from winchcascade.report.render.terminal import terminal_text
-from winchcascade.report.screen import PIPE, Screen, painted, use_screen
+from winchcascade.report.render.terminal import PIPE, Screen, painted, terminal_text, use_screen
 
 COLOUR = re.compile(r"\x1b\[[\d;]*m")
 WIDE = [Column[float](f"column {k:02d}", lambda row: row) for k in range(30)]

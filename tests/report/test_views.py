@@ -34,7 +34,7 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.extras import is_installed
 from winchcascade.reduction.run_record import reduction_json
 from winchcascade.report.content import Picture
-from winchcascade.report.flat_rows import RUNS_MAX, write_parquet
+from winchcascade.report.frames import RUNS_MAX, write_parquet
 from winchcascade.report.results.diagnosis_record import as_json
 
 mpl.use("Agg")

@@ -26,7 +26,7 @@ from winchcascade.reduction.efficiency import METRICS
 from winchcascade.reduction.reduce import first_metrics, reduce
 from winchcascade.report.content import Table
 from winchcascade.report.results.audit_record import audit_record
-from winchcascade.report.results.audits import attainable_summary, audit_report
+from winchcascade.report.results.audits import attainable_figure, attainable_summary, audit_report
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.parts import Model
@@ -100,6 +100,19 @@ def test_a_table_of_the_model_itself_is_within_reach_and_names_nobody() -> None:
     assert [row.window for row in found.rows] == pytest.approx([5.5] * 3, rel=1e-3)
     for row, speed in zip(found.rows, (0.9, 0.8, 0.3), strict=True):
         assert row.speeds.low < speed < row.speeds.high
+
+
+def test_a_figure_has_every_printed_efficiency_over_its_range() -> None:
+    found = paper()
+    figure = attainable_figure(found)
+    assert figure is not None
+    for ax, metric in zip(figure.axes, ("eta_trans", "eta_gen", "eta_pto"), strict=True):
+        cells = cells_of(found, metric)
+        spans = [(bar.get_y(), bar.get_y() + bar.get_height()) for bar in ax.patches]  # type: ignore[attr-defined]
+        assert spans == [pytest.approx((cell.low, cell.high)) for cell in cells]
+        full, hollow = (np.asarray(line.get_ydata()).tolist() for line in ax.lines)
+        assert full == [cell.printed for cell in cells if cell.outside]
+        assert hollow == [cell.printed for cell in cells if not cell.outside]
 
 
 def test_an_injected_loss_is_out_of_reach_and_among_those_that_could_be_why() -> None:

@@ -14,7 +14,7 @@ from winchcascade.core.cascade import Cascade
 from winchcascade.core.plain_text import cell_text
 from winchcascade.core.version import __version__, made_at
 from winchcascade.reduction.run_record import RunRecord
-from winchcascade.report.flat_rows import RUN_ENDS, Row, table_rows, table_schema
+from winchcascade.report.frames import RUN_ENDS, Row, table_rows, table_schema
 
 TABLES = ("runs", "cycles", "bins", "findings", "runs_all")
 """Tables of a dataset, in the order of their sheets."""

@@ -178,7 +178,7 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
             allow to replace them
         """
         from winchcascade.batch.run_batch import DATASET, REPORTS, Products, run_batch
-        from winchcascade.report.render.publish import ENDINGS
+        from winchcascade.report.render.report_files import ENDINGS
         from winchcascade.report.views import write_report
 
         check_arguments(

@@ -21,7 +21,7 @@ def write_index(folder: Path) -> Path | None:
     ------
     OutputError : a page is there that this tool did not write, or a link
     """
-    from winchcascade.report.render.publish import publish
+    from winchcascade.report.render.report_files import publish
     from winchcascade.report.results.campaign_index import MEANINGS, results_index
 
     record = inside(folder, CAMPAIGN_RECORD)

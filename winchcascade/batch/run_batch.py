@@ -252,7 +252,7 @@ def _write_campaign(
 
 def _write_reports(campaign: CampaignRecord, made: Path, out: Path, products: Products) -> None:
     """Write the reports of the campaign into a scratch folder."""
-    from winchcascade.report.render.publish import publish
+    from winchcascade.report.render.report_files import publish
     from winchcascade.report.results.campaign import written_campaign
     from winchcascade.report.results.campaign_index import links_to
 

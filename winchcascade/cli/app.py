@@ -11,7 +11,7 @@ import typer
 
 from winchcascade.cli.help import GroupedCommand
 from winchcascade.cli.outputs import show
-from winchcascade.report.screen import line_width
+from winchcascade.report.render.terminal import line_width
 
 if TYPE_CHECKING:
     from collections.abc import Callable

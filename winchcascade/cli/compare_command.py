@@ -32,8 +32,7 @@ def compare_command(
     from winchcascade.batch.results import input_files
     from winchcascade.comparison.gate import check_limit, drop_gate
     from winchcascade.core.jobs import processes
-    from winchcascade.report.results.comparison import comparison_report
-    from winchcascade.report.results.comparison_record import comparison_record
+    from winchcascade.report.results.comparison import comparison_record, comparison_report
 
     if max_drop is not None:
         check_limit(max_drop)

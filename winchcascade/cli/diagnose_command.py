@@ -70,7 +70,7 @@ def diagnose_command(
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
     from winchcascade.diagnosis.handover.model_export import check_export
     from winchcascade.diagnosis.stages.beside_model import beside_model
-    from winchcascade.report.render.publish import ENDINGS
+    from winchcascade.report.render.report_files import ENDINGS
     from winchcascade.report.results.diagnosis_record import as_json as diagnosis_record
     from winchcascade.rig.effects.catalogue import suspected
 
@@ -157,7 +157,7 @@ def _write_validation(found: DiagnosisResult, outputs: Outputs) -> None:
     if path is None:
         return
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.report.render.publish import publish
+    from winchcascade.report.render.report_files import publish
     from winchcascade.report.results.validation_report import validation_report
 
     if not isinstance(found, ModelDiagnosis):

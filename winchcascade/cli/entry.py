@@ -41,7 +41,7 @@ def main() -> None:
             {signal.SIGINT: "winchcascade: interrupted", signal.SIGTERM: "winchcascade: ended"}
         )
         _ready_streams()
-        from winchcascade.report.screen import screen_of, use_screen
+        from winchcascade.report.render.terminal import screen_of, use_screen
 
         use_screen(screen_of(sys.stdout))
         from winchcascade.cli.app import (
@@ -85,7 +85,7 @@ def _ready_streams() -> None:
 
 def _exit_with(sentence: str, *, code: int = 2) -> NoReturn:
     from winchcascade.core.plain_text import lines, one_line
-    from winchcascade.report.screen import screen_of
+    from winchcascade.report.render.terminal import screen_of
 
     text = one_line(f"winchcascade: {' '.join(sentence.split())}")
     if sys.stderr.isatty():

@@ -15,7 +15,7 @@ import typer
 
 from winchcascade.cli.outputs import Outputs
 from winchcascade.core.errors import OptionError
-from winchcascade.report.screen import QUIET
+from winchcascade.report.render.terminal import QUIET
 
 INPUT, EVALUATION, OUTPUTS, OTHER = "Input", "Evaluation", "Outputs", "Other"
 """Groups of options in the help."""

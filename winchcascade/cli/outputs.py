@@ -17,7 +17,7 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.files import check_replaceable, json_bytes, write_content
 from winchcascade.core.plain_text import json_without_commands, lines, printable
 from winchcascade.core.store import make_one
-from winchcascade.report.screen import QUIET, painted
+from winchcascade.report.render.terminal import QUIET, painted
 
 if TYPE_CHECKING:
     from winchcascade.report.content import Report
@@ -152,8 +152,7 @@ def _write_report_files(make: Callable[[], Report], outputs: Outputs, name: str)
     """
     if outputs.paths.keys().isdisjoint(REPORT):
         return None
-    from winchcascade.report.render.folders import write_figures, write_tables
-    from winchcascade.report.render.publish import publish
+    from winchcascade.report.render.report_files import publish, write_figures, write_tables
 
     with status_line(f"report of {name}") as on_progress:
         on_progress(f"{name}: drawing figures")

@@ -15,7 +15,7 @@ from typing import Any
 
 from winchcascade.core.plain_text import lines, one_line
 from winchcascade.core.process_end import keep_in_mind
-from winchcascade.report.screen import QUIET
+from winchcascade.report.render.terminal import QUIET
 
 EVERY = 10.0
 """Interval of the lines in a pipe, and time before the first. [s]"""

@@ -61,7 +61,7 @@ def reduce_command(
         else _write_loss_map(reduction, outputs["loss_map"], force=outputs.force)
     )
     if outputs["parquet"] is not None:
-        from winchcascade.report.flat_rows import write_parquet
+        from winchcascade.report.frames import write_parquet
 
         write_parquet(reduction, outputs["parquet"], force=outputs.force)
     found = uncertainty(reduction)

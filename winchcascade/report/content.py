@@ -104,7 +104,8 @@ class Column(msgspec.Struct, Generic[T], frozen=True):
     numbers whose uncertainty is unknown; four significant digits without any.
 
     `brief` ones stand in a terminal too. `signed` numbers above zero have a plus. `link` is the
-    address that a cell leads to on a page.
+    address that a cell leads to on a page. The cells of `named` columns hold labels with
+    identifiers in brackets behind them, which a terminal leaves out.
     """
 
     name: str
@@ -114,6 +115,7 @@ class Column(msgspec.Struct, Generic[T], frozen=True):
     brief: bool = True
     signed: bool = False
     link: Callable[[T], str] | None = None
+    named: bool = False
 
     def text(self, cell: Cell) -> str:
         """A cell as it is shown."""
@@ -134,6 +136,11 @@ class Table(msgspec.Struct, Generic[T], frozen=True):
     note: str = ""
     brief: bool = True
     limit: int = 60
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing to show."""
+        return not self.items and not self.below
 
     @property
     def cells(self) -> list[list[Cell]]:
@@ -225,10 +232,9 @@ def table(
     *,
     note: str = "",
     brief: bool = True,
-) -> Table[T] | None:
-    """A table of some items; None without any."""
-    listed = list(items)
-    return Table(name, caption, columns, listed, note=note, brief=brief) if listed else None
+) -> Table[T]:
+    """A table of some items; a section leaves out one without any."""
+    return Table(name, caption, columns, list(items), note=note, brief=brief)
 
 
 PAIRS: tuple[Column[tuple[str, Cell]], ...] = (
@@ -252,6 +258,11 @@ class Note(msgspec.Struct, frozen=True):
     about: str = ""
     tone: Tone = "plain"
     brief: bool = True
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing to say."""
+        return not self.text
 
 
 class Picture(msgspec.Struct, frozen=True, dict=True):
@@ -280,7 +291,7 @@ class Picture(msgspec.Struct, frozen=True, dict=True):
 
     def _repr_svg_(self) -> str:
         """The figure, for notebooks."""
-        from winchcascade.report.render.drawing import drawn
+        from winchcascade.report.figures.style import drawn
 
         return drawn(self.figure).decode()
 
@@ -311,9 +322,10 @@ class Section(msgspec.Struct, frozen=True, dict=True):
 
     @cached_property
     def blocks(self) -> list[Block]:
-        """The parts that there are."""
+        """The parts that hold something; pictures are drawn later (`Report.illustrated`)."""
         parts = self.parts() if callable(self.parts) else self.parts
-        return [block for block in parts if block is not None]
+        given = [block for block in parts if block is not None]
+        return [block for block in given if isinstance(block, Picture) or not block.is_empty]
 
     @property
     def brief(self) -> list[Note | Table[Any]]:
@@ -323,7 +335,7 @@ class Section(msgspec.Struct, frozen=True, dict=True):
 
 
 def section(name: str, heading: str, *blocks: Block | None, folded: bool = False) -> Section:
-    """A section of the blocks that there are."""
+    """A section of some blocks, of which it shows those that hold something."""
     return Section(name, heading, blocks, folded)
 
 
@@ -366,7 +378,7 @@ class Report(msgspec.Struct, frozen=True):
     @property
     def notes(self) -> list[Note]:
         """The points that have a text."""
-        return [point for point in self.points if point is not None and point.text]
+        return [point for point in self.points if point is not None and not point.is_empty]
 
     @property
     def blocks(self) -> list[Block]:
@@ -381,13 +393,12 @@ class Report(msgspec.Struct, frozen=True):
 
     def illustrated(self) -> Report:
         """The report with its figures drawn, without pictures of nothing and empty sections."""
-        empty = {id(one) for one in self.pictures if one.is_empty}
         kept = [
-            Section(one.id, one.heading, [b for b in one.blocks if id(b) not in empty], one.folded)
+            Section(one.id, one.heading, [b for b in one.blocks if not b.is_empty], one.folded)
             for one in self.sections
         ]
         return msgspec.structs.replace(
             self,
-            lead=None if id(self.lead) in empty else self.lead,
+            lead=None if self.lead is None or self.lead.is_empty else self.lead,
             sections=[one for one in kept if one.blocks],
         )

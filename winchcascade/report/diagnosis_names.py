@@ -22,7 +22,7 @@ from winchcascade.diagnosis.fit.entries import effect_name
 from winchcascade.diagnosis.fit.nuisances import Nuisance
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
-from winchcascade.report.content import number_text, places
+from winchcascade.report.content import Measured, Span, number_text, shown
 from winchcascade.report.glossary import CHANNELS, PHASES, STAGE_PLACES
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.catalogue import EFFECTS
@@ -82,24 +82,30 @@ def shown_as(found: DiagnosisResult, cause: NamedCause, name: str = "") -> Displ
     return display_of(cause.effect, name, cause.parameters[name].unit)
 
 
-def number_words(how: Display, found: Reported, otherwise: int = 5) -> tuple[str, str]:
-    """A number and its 95 % interval with their unit, with the digits that the interval allows,
-    else with `otherwise`.
+def number_cells(how: Display, found: Reported) -> tuple[Measured, Span | str]:
+    """A number and its 95 % interval in the unit in which it is shown, with the digits that the
+    interval allows.
+    """
+    value = found.value * how.factor
+    if not found.determined:
+        return Measured(value, signed=how.signed), UNDETERMINED
+    low, high = found.low * how.factor, found.high * how.factor
+    u = (high - low) / INTERVAL_WIDTH
+    return Measured(value, u, signed=how.signed), Span(low, high, u)
 
-    >>> number_words(Display("slope", 1.0, "ohm"), Reported(0.07, -math.inf, math.inf, "ohm"), otherwise=2)
-    ('+0.070 ohm', 'not determined by these logs')
+
+def number_words(how: Display, found: Reported) -> tuple[str, str]:
+    """A number and its 95 % interval with their unit, as texts.
+
+    >>> number_words(Display("slope", 1.0, "ohm"), Reported(0.07, -math.inf, math.inf, "ohm"))
+    ('+0.07000 ohm', 'not determined by these logs')
 
     >>> number_words(Display("stator resistance", 100.0, "%"), Reported(0.3996, 0.372, 0.427, "relative"))
     ('+40.0 %', '37.2 to 42.7 %')
     """
-    u = (found.high - found.low) / INTERVAL_WIDTH * how.factor if found.determined else 0.0
-    size = max(abs(found.value * how.factor), 1e-12)
-    decimals = places(u) if u > 0.0 else otherwise - 1 - math.floor(math.log10(size))
-    value = number_text(found.value * how.factor, decimals, signed=how.signed)
-    if not found.determined:
-        return f"{value} {how.unit}".rstrip(), UNDETERMINED
-    low, high = (number_text(x * how.factor, decimals) for x in (found.low, found.high))
-    return f"{value} {how.unit}".rstrip(), f"{low} to {high} {how.unit}".rstrip()
+    value, interval = number_cells(how, found)
+    unit = f" {how.unit}" if how.unit else ""
+    return f"{shown(value)}{unit}", f"{shown(interval)}{unit if found.determined else ''}"
 
 
 def probability_words(p: float) -> str:

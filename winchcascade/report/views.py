@@ -1,16 +1,16 @@
 """Results in Python: tables as frames, pictures of their reports, summaries for notebooks, and
 report files.
 
-What a result has is registered for its class: `tables_of` and `report_of`.
+`VIEWS` lists what each kind of result has.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial, singledispatch
+from functools import partial
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from winchcascade.comparison.comparison_result import Comparison
 from winchcascade.core.arguments import FLAG, PATH, check_arguments
@@ -135,95 +135,13 @@ def write_report(result: object, path: str | Path, *, force: bool = False) -> Pa
     OutputError : the file cannot be written, or is not this tool's own and `force` does not allow
         to replace it
     """
-    from winchcascade.report.render.publish import ENDINGS, publish
+    from winchcascade.report.render.report_files import ENDINGS, publish
 
     check_arguments("write_report", ("path", path, PATH), ("force", force, FLAG))
     path = Path(path)
     check_ending(path, ENDINGS)
     publish(report_of(result), **{path.suffix.casefold()[1:]: path}, force=force)
     return path
-
-
-# ----------------------------------------------------------------------------------------- tables
-@singledispatch
-def tables_of(result: object) -> Tables:
-    """Tables of a result as frames."""
-    reject_result("frame", "table", result, tables_of.registry)
-
-
-@tables_of.register(Run)
-def _(result: Run) -> Tables:
-    channels = given_rig("to_pandas", None, result.rig).known_channels
-    return {
-        "channels": partial(frames.run_frame, result, channels),
-        "findings": partial(frames.run_findings_frame, result),
-    }
-
-
-@tables_of.register(Reduction)
-def _(result: Reduction) -> Tables:
-    made = {
-        name: partial(frames.reduction_frame, result, name)
-        for name in ("cycles", "bins", "findings")
-    }
-    return {**made, "channels": partial(frames.samples_frame, result)}
-
-
-@tables_of.register(CampaignReduction)
-def _(result: CampaignReduction) -> Tables:
-    names = ("runs", "cycles", "bins", "findings", "runs_all")
-    return {name: partial(frames.campaign_frame, result, name) for name in names}
-
-
-@tables_of.register(DiagnosisResult)
-def _(result: DiagnosisResult) -> Tables:
-    names = ("causes", "contributions", "map", "stability")
-    return {name: partial(frames.diagnosis_frame, result, name) for name in names}
-
-
-@tables_of.register(Comparison)
-def _(result: Comparison) -> Tables:
-    return {"differences": partial(frames.comparison_frame, result)}
-
-
-@tables_of.register(Simulation)
-def _(result: Simulation) -> Tables:
-    return {"channels": partial(frames.simulation_frame, result)}
-
-
-@tables_of.register(Calibration)
-def _(result: Calibration) -> Tables:
-    from winchcascade.report.results.calibration import calibration_record
-
-    return _of_record(calibration_record(result), "numbers", "strained")
-
-
-@tables_of.register(Check)
-def _(result: Check) -> Tables:
-    from winchcascade.report.results.checks import check_record
-
-    return _of_record(check_record(result), "cells", "findings")
-
-
-@tables_of.register(Audit)
-def _(result: Audit) -> Tables:
-    from winchcascade.report.results.audit_record import audit_record
-
-    return _of_record(
-        audit_record(result), "contradictions", "claims", "windows", "column_faults", "laws"
-    )
-
-
-@tables_of.register(SeaStudy)
-def _(result: SeaStudy) -> Tables:
-    from winchcascade.report.results.sea_report import sea_record
-
-    return _of_record(sea_record(result), "rows")
-
-
-def _of_record(record: Mapping[str, object], *names: str) -> Tables:
-    """Lists of a JSON as tables, those that it has."""
-    return {name: partial(frames.record_frame, record[name]) for name in names if name in record}
 
 
 # -------------------------------------------------------------------------------------- summaries
@@ -241,39 +159,102 @@ def _summary(result: object) -> tuple[str, content.Table[Any] | None]:
     return f"{report.kind}: {report.title}", next(tables, None)
 
 
-# ---------------------------------------------------------------------------------------- reports
-@singledispatch
-def report_of(result: object, *, command: str = "") -> content.Report:  # noqa: ARG001
+# ----------------------------------------------------------------------------- kinds of results
+class View(NamedTuple):
+    """What a kind of result shows.
+
+    Parameters
+    ----------
+    report : function of `results` that makes its report, "" for none
+    tables : gives what makes its tables
+    """
+
+    report: str
+    tables: Callable[[Any], Tables]
+
+
+def _named(frame: Callable[[Any, str], pd.DataFrame], *names: str) -> Callable[[Any], Tables]:
+    """Tables that one function makes by their names."""
+    return lambda result: {name: partial(frame, result, name) for name in names}
+
+
+def _listed(record: str, *names: str) -> Callable[[Any], Tables]:
+    """Lists of the JSON of a result as tables, those that it has; `record` is the function of
+    `results` that makes the JSON.
+    """
+
+    def tables(result: object) -> Tables:
+        found = _of_results(record)(result)
+        return {name: partial(frames.record_frame, found[name]) for name in names if name in found}
+
+    return tables
+
+
+def _of_results(name: str) -> Callable[..., Any]:
+    """A function of `results`, which is imported with all that it draws by when it is called."""
+    found: Callable[..., Any] = resolve_name(f"winchcascade.report.results.{name}")
+    return found
+
+
+VIEWS: Mapping[type, View] = {
+    Audit: View(
+        "audits:audit_report",
+        _listed("audit_record:audit_record", "contradictions", "claims", "windows", "column_faults", "laws"),
+    ),
+    Calibration: View(
+        "calibration:calibration_report",
+        _listed("calibration:calibration_record", "numbers", "strained"),
+    ),
+    CampaignReduction: View(
+        "campaign:reduced_campaign",
+        _named(frames.campaign_frame, "runs", "cycles", "bins", "findings", "runs_all"),
+    ),
+    Check: View(
+        "checks:check_report", _listed("checks:check_record", "cells", "findings")
+    ),
+    Comparison: View(
+        "comparison:comparison_report",
+        lambda result: {"differences": partial(frames.comparison_frame, result)},
+    ),
+    DiagnosisResult: View(
+        "diagnosis:diagnosis_report",
+        _named(frames.diagnosis_frame, "causes", "contributions", "map", "stability"),
+    ),
+    Reduction: View(
+        "reduction:reduction_report",
+        _named(frames.reduction_frame, "cycles", "bins", "findings", "channels"),
+    ),
+    Run: View("", _named(frames.log_frame, "channels", "findings")),
+    SeaStudy: View("sea_report:sea_report", _listed("sea_report:sea_record", "rows")),
+    Simulation: View(
+        "simulation:simulation_report",
+        lambda result: {"channels": partial(frames.simulation_frame, result)},
+    ),
+}  # fmt: skip
+"""What each kind of result shows; kinds of these kinds show the same."""
+
+
+def tables_of(result: object) -> Tables:
+    """Tables of a result as frames."""
+    return _view_of(result, "frame", "table", VIEWS).tables(result)
+
+
+def report_of(result: object, *, command: str = "") -> content.Report:
     """Make the report of a result.
 
     Parameters
     ----------
     command : as it was given, to be given again
     """
-    reject_result("write_report", "report", result, report_of.registry)
+    reported = {kind: view for kind, view in VIEWS.items() if view.report}
+    view = _view_of(result, "write_report", "report", reported)
+    report: content.Report = _of_results(view.report)(result, command=command)
+    return report
 
 
-def _late(name: str) -> Callable[..., content.Report]:
-    """A function of `results`, which is imported with all that it draws by when it is called."""
-
-    def called(result: object, *, command: str = "") -> content.Report:
-        report: content.Report = resolve_name(f"winchcascade.report.results.{name}")(
-            result, command=command
-        )
-        return report
-
-    return called
-
-
-for _kind, _name in {
-    Audit: "audits:audit_report",
-    Calibration: "calibration:calibration_report",
-    CampaignReduction: "campaign:reduced_campaign",
-    Check: "checks:check_report",
-    Comparison: "comparison:comparison_report",
-    DiagnosisResult: "diagnosis:diagnosis_report",
-    Reduction: "reduction:reduction_report",
-    SeaStudy: "sea_report:sea_report",
-    Simulation: "simulation:simulation_report",
-}.items():
-    report_of.register(_kind, _late(_name))
+def _view_of(result: object, call: str, what: str, views: Mapping[type, View]) -> View:
+    """What the kind of a result shows; OptionError of a call where it has no such thing."""
+    view = next((view for kind, view in views.items() if isinstance(result, kind)), None)
+    if view is None:
+        reject_result(call, what, result, views)
+    return view

@@ -4,6 +4,7 @@ looks and legends.
 
 from __future__ import annotations
 
+import io
 import logging
 import math
 import re
@@ -11,8 +12,11 @@ import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
+
+from winchcascade.core.version import GENERATOR
 
 logging.getLogger("matplotlib").setLevel(
     logging.ERROR
@@ -165,6 +169,41 @@ def house_style() -> Iterator[None]:
         yield
 
 
+# ------------------------------------------------------------------------------- files of a figure
+_ABOUT: dict[str, dict[str, str | None]] = {
+    "svg": {"Date": None, "Creator": GENERATOR},
+    "pdf": {"CreationDate": None, "Creator": GENERATOR},
+    "png": {"Software": GENERATOR},
+}
+
+
+_DRAWN: WeakKeyDictionary[Figure, dict[str, bytes]] = WeakKeyDictionary()
+"""Files of the figures of a report, by their endings: its page, its PDF and its folder of
+figures share them.
+"""
+
+
+def drawn(figure: Figure | None, ending: str = "svg") -> bytes:
+    """The figure of a picture, which does not change afterwards, as SVG, PDF or PNG."""
+    assert figure is not None  # renderers leave out pictures of nothing
+    files = _DRAWN.setdefault(figure, {})
+    if ending not in files:
+        files[ending] = _draw(figure, ending)
+    return files[ending]
+
+
+@house_style()
+def _draw(figure: Figure, ending: str) -> bytes:
+    """Draw a figure; its layout is made once, as a second one would differ by rounding."""
+    layout = figure.get_layout_engine()
+    if layout is not None:
+        layout.execute(figure)
+        figure.set_layout_engine(None)
+    out = io.BytesIO()
+    figure.savefig(out, format=ending, dpi=300, metadata=_ABOUT[ending])
+    return out.getvalue()
+
+
 # ----------------------------------------------------------------------------------------- panels
 def wide_figure(height: float) -> Figure:
     """An empty figure of some height [in], laid out by constrained layout when it is drawn."""
@@ -232,6 +271,25 @@ def dots(ax: Axes, x: Signal, y: Signal, colour: str) -> None:
     gap, short = np.full(x.size, np.nan), 1e-3 * float(np.ptp(x, axis=None)) if x.size else 0.0
     across, up = np.column_stack((x, x + short, gap)).ravel(), np.column_stack((y, y, gap)).ravel()
     ax.plot(across, up, color=colour, lw=1.7, alpha=0.45, solid_capstyle="round")
+
+
+def draw_intervals(
+    ax: Axes, x: Sequence[float], ends: Sequence[Sequence[float]], look: Look, full: Sequence[bool]
+) -> None:
+    """Draw values with their intervals.
+
+    Parameters
+    ----------
+    x : place of each
+    ends : value, low and high of each; an end that is not finite is not drawn
+    full : whether the marker of each is full
+    """
+    at, filled = np.array(x), np.array(full, dtype=bool)
+    value, low, high = np.array(ends, dtype=float).reshape(-1, 3).T
+    colour = COLOURS[look.colour]
+    ax.vlines(at, low, high, color=colour, lw=1.1, ls=look.dashes)
+    for some, face in ((filled, colour), (~filled, COLOURS["paper"])):
+        ax.plot(at[some], value[some], look.mark, color=colour, mfc=face, ms=4)
 
 
 def readable(unit: str, *signals: Signal) -> tuple[float, str]:

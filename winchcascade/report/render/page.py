@@ -6,20 +6,18 @@ from __future__ import annotations
 
 import re
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from winchcascade.core.version import GENERATOR
 from winchcascade.report.content import Picture, Report, Table
-from winchcascade.report.figures.style import COLOURS, WIDTH
+from winchcascade.report.figures.style import COLOURS, WIDTH, drawn
 from winchcascade.report.glossary import SUBSCRIPT, clean, typeset
-from winchcascade.report.render.drawing import drawn, template_folder
 
 if TYPE_CHECKING:
     import jinja2
     from markupsafe import Markup
 
-IDENTIFIER = re.compile(r"\([a-z][a-z0-9]*(?:_[a-z0-9]+)+(?:\([^()]*\))?\)")
-"""An identifier in brackets behind the label of what it names, which is set small."""
 
 LONG = 32
 """A longer text in a cell may break into lines. [characters]"""
@@ -81,7 +79,15 @@ def _text(text: str) -> Markup:
     from markupsafe import Markup, escape
 
     low = SUBSCRIPT.sub(r"\1<sub>\2</sub>", str(escape(typeset(clean(text)))))
-    return Markup(IDENTIFIER.sub(r"<small>\g<0></small>", low))
+    return Markup(_identifiers().sub(r"<small>\g<0></small>", low))
+
+
+@cache
+def _identifiers() -> re.Pattern[str]:
+    """Identifiers in brackets behind labels: those of several words, and those of the catalogue."""
+    from winchcascade.rig.effects.catalogue import EFFECTS
+
+    return re.compile(rf"\((?:{'|'.join(EFFECTS)}|[a-z][a-z0-9]*(?:_[a-z0-9]+)+)(?:\([^()]*\))?\)")
 
 
 def _rows(table: Table[Any]) -> dict[str, Any]:
@@ -118,3 +124,12 @@ def _json(text: str) -> Markup:
     from markupsafe import Markup
 
     return Markup(text.replace("<", "\\u003c"))
+
+
+_PACKAGE = Path(__file__).parents[2]
+
+
+def template_folder() -> Path:
+    """Folder of the report's templates."""
+    inside = _PACKAGE / "templates"
+    return inside if inside.is_dir() else _PACKAGE.parent / "templates"

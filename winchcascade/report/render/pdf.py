@@ -13,10 +13,9 @@ import msgspec
 
 from winchcascade.core.version import GENERATOR, made_at
 from winchcascade.report.content import Block, Picture, Report, Table
-from winchcascade.report.figures.style import WIDTH
+from winchcascade.report.figures.style import WIDTH, drawn
 from winchcascade.report.glossary import SUBSCRIPTS, clean, typeset
-from winchcascade.report.render import drawing
-from winchcascade.report.render.drawing import template_folder
+from winchcascade.report.render.page import template_folder
 
 if TYPE_CHECKING:
     import typst
@@ -29,7 +28,7 @@ def pdf_bytes(report: Report) -> bytes:
 
     report = report.illustrated()
     text = msgspec.json.encode(_record(report)).decode()
-    figures = {one.id: drawing.drawn(one.figure).decode() for one in report.pictures}
+    figures = {one.id: drawn(one.figure).decode() for one in report.pictures}
     strange = lacking_letters(text)
     fallback = fonts_for(strange) if strange else []
     for letter in strange - {letter for _, covers in fallback for letter in covers}:

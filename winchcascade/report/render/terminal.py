@@ -1,16 +1,21 @@
 """A report in a terminal, or as plain text in a pipe: its title, its points, and section by
-section what is brief.
+section what is brief; and the width and the colours of either.
+
+A command sets width and colours once, before it prints; without that, texts are those of a pipe.
 """
 
 from __future__ import annotations
 
 import io
+import os
+import re
+from collections.abc import Callable
+from contextvars import ContextVar
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
 from winchcascade.core.plain_text import lines
 from winchcascade.report.content import Note, Report, Table, Tone
-from winchcascade.report.screen import ESCAPE, PIPED, Screen, present_screen
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,6 +23,90 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.table import Table as Grid
 
+
+NARROWEST, WIDEST = 60, 120
+"""Columns between which lines follow the terminal; a narrower one is treated as the first, a
+wider one as the second.
+"""
+
+PIPED = 100
+"""Columns of a sentence in a pipe, a file or the log of a runner."""
+
+UNKNOWN = 80
+"""Columns of a terminal that does not report its size."""
+
+
+class Screen(NamedTuple):
+    """What lines are laid out for: columns of a terminal, None for a pipe, and whether it shows
+    colours.
+    """
+
+    width: int | None = None
+    colour: bool = False
+
+
+PIPE = Screen()
+"""No terminal."""
+
+_PRESENT: ContextVar[Screen] = ContextVar("screen", default=PIPE)
+
+
+QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
+"""Whether a command prints only what fails, and no progress."""
+
+
+def screen_of(stream: TextIO) -> Screen:
+    """The width that COLUMNS states, else that of the terminal, else none; colours in a terminal
+    without NO_COLOR only.
+    """
+    terminal = stream.isatty()
+    stated = os.environ.get("COLUMNS", "")
+    width = int(stated) if stated.isdecimal() and len(stated) < 7 else 0
+    if not width and terminal:
+        try:
+            width = os.get_terminal_size(stream.fileno()).columns or UNKNOWN
+        except OSError:  # also that of a stream without a number
+            width = UNKNOWN
+    known = os.name != "nt" or "WT_SESSION" in os.environ
+    colour = (
+        terminal and known and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    )
+    return Screen(min(max(width, NARROWEST), WIDEST) if width else None, colour)
+
+
+def use_screen(screen: Screen) -> None:
+    """Lay out what follows for a screen."""
+    _PRESENT.set(screen)
+
+
+def present_screen() -> Screen:
+    """The screen for which texts are laid out now."""
+    return _PRESENT.get()
+
+
+def line_width(piped: int = PIPED) -> int:
+    """Columns of a sentence. [characters]
+
+    Parameters
+    ----------
+    piped : columns in a pipe
+    """
+    return _PRESENT.get().width or piped
+
+
+# ---------------------------------------------------------------------------------------- colours
+ESCAPE = "\ufdd4"
+"""Stands for the escape with which the codes of a text begin that is laid out already, no
+character of any language.
+"""
+
+
+def painted(text: str, clean: Callable[[str], str]) -> str:
+    """A text with its colours, cleaned in between; in a pipe the clean text."""
+    return ("\x1b" if _PRESENT.get().colour else "").join(map(clean, text.split(ESCAPE)))
+
+
+# ---------------------------------------------------------------------------------------- reports
 MARGIN = 11
 """Columns of what a sentence is about. [characters]"""
 
@@ -31,6 +120,9 @@ wide. [characters]
 
 GAP = 2
 """Blanks between columns. [characters]"""
+
+IDENTIFIER = re.compile(r" \([a-z][a-z0-9_]*(\([^()]*\))?\)")
+"""An identifier in brackets behind a label; what it is of, in brackets of its own, stays."""
 
 UNBROKEN = 10_000
 """Width of a table in a pipe, which gets all of it. [characters]"""
@@ -128,7 +220,13 @@ def _grids(table: Table[Any], width: int) -> list[Grid]:
     table = table.used()
     brief = [k for k, column in enumerate(table.columns) if column.brief]
     body, below = table.listed()
-    rows = [[_safe(cell) for cell in row] for row in (*body, *below)]
+    rows = [
+        [
+            _safe(_label(cell) if column.named else cell)
+            for column, cell in zip(table.columns, row, strict=True)
+        ]
+        for row in (*body, *below)
+    ]
     heads = [(column.name, column.unit) for column in table.columns]
     longest = [max(map(len, (*heads[k], *(row[k] for row in rows)))) for k in range(len(heads))]
     left = table.left
@@ -143,6 +241,15 @@ def _grids(table: Table[Any], width: int) -> list[Grid]:
         _grid([(heads[k], left[k], fixed[k], [row[k] for row in rows]) for k in part])
         for part in parts
     ]
+
+
+def _label(text: str) -> str:
+    """A label without the identifier behind it.
+
+    >>> _label("Stator resistance (copper_heating)"), _label("Load of a run (load_entry(r9ohm.csv))")
+    ('Stator resistance', 'Load of a run (r9ohm.csv)')
+    """
+    return IDENTIFIER.sub(lambda found: f" {found[1]}" if found[1] else "", text)
 
 
 def _grid(columns: Sequence[tuple[tuple[str, str], bool, bool, list[str]]]) -> Grid:

@@ -5,13 +5,18 @@ what a rig can attain.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from functools import partial
+from string import ascii_lowercase
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from winchcascade.core.quantity import load_text, unit_suffix
 from winchcascade.report.content import (
     Column,
     Measured,
     Note,
+    Picture,
     Report,
     Section,
     Span,
@@ -19,14 +24,29 @@ from winchcascade.report.content import (
     section,
     table,
 )
-from winchcascade.report.glossary import upper
+from winchcascade.report.diagnosis_names import call_all, called
+from winchcascade.report.figures.style import (
+    COLOURS,
+    Look,
+    draw_intervals,
+    label_panel,
+    legend_above,
+    line_entry,
+    panel_figure,
+    patch_entry,
+)
+from winchcascade.report.glossary import tex, upper
 from winchcascade.report.results.common import PRINTED, provenance, table_rows
+from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Parameter
 from winchcascade.tables.attainable import Ability, AttainableRanges, SuspectResult, Values
 from winchcascade.tables.audit import Audit, Contradiction, RecoveredWindow, percent
 from winchcascade.tables.claims import ClaimVerdict
 from winchcascade.tables.column_laws import ColumnFault, LawUse
 from winchcascade.tables.payouts import RAMPS, STARTED, AttainableRow, Cell
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 VERDICTS = {
     "contradicted": "contradicted",
@@ -45,6 +65,9 @@ CLOSED_MIN = 0.005
 """An effect that removes less than this share of the excess over the attainable range does
 nothing. [1]
 """
+
+PRINTED_LOOK = Look("mech", "-", "o")
+"""Look of a printed efficiency."""
 
 CONTRADICTED: tuple[Column[Contradiction], ...] = (
     Column("row", lambda c: c.row.name, brief=False),
@@ -309,10 +332,44 @@ def _physics(ranges: AttainableRanges) -> list[Section]:
             Note(basis),
             *(Note(f"{upper(text)}.", "Note") for text in ranges.notes),
             *(Note(f"{load_text(item.load)}: {item.reason}.", "Not judged") for item in ranges.not_judged),
+            Picture(
+                "attainable-range",
+                "Printed efficiencies, with what rounding and scatter allow, over the range that the "
+                "rig can attain, row by row; full markers: outside.",
+                "Points over bars, one panel for each efficiency; the values are in the table.",
+                partial(attainable_figure, ranges),
+            ),
             table("attainable", "Published efficiencies and what the rig can attain.", JUDGED, judged),
         ),
         *([] if ranges.ok else [_sets(ranges), _effects(ranges)]),
     ]  # fmt: skip
+
+
+def attainable_figure(ranges: AttainableRanges) -> Figure | None:
+    """Draw printed efficiencies, with what rounding and scatter allow, over what the rig can attain
+    in each row; None where no row was judged.
+    """
+    metrics = list(dict.fromkeys(cell.metric for row in ranges.rows for cell in row.cells))
+    if not metrics:
+        return None
+    figure, axes = panel_figure(0.5 + 1.3 * len(metrics), len(metrics), share="x")
+    places = {row.load: x for x, row in enumerate(ranges.rows)}
+    for ax, letter, metric in zip(axes, ascii_lowercase, metrics, strict=False):
+        judged = {
+            places[row.load]: cell for row in ranges.rows for cell in row.cells if cell.metric == metric
+        }  # fmt: skip
+        cells = judged.values()
+        low, high = np.array([(cell.low, cell.high) for cell in cells]).T
+        ax.bar(list(judged), high - low, 0.6, low, color=COLOURS["gen"], alpha=0.3)
+        ends = [(c.printed, c.printed - c.allowed, c.printed + c.allowed) for c in cells]
+        draw_intervals(ax, list(judged), ends, PRINTED_LOOK, [cell.outside for cell in cells])
+        label_panel(ax, letter, tex(metric), y="Efficiency (1)")
+        ax.grid(axis="x", visible=False)
+    axes[-1].set_xticks(list(places.values()), [load_words(load) for load in places])
+    band = patch_entry("attainable", "gen", alpha=0.3, lw=0)
+    printed = line_entry("printed", PRINTED_LOOK.colour, marker=PRINTED_LOOK.mark, ms=4)
+    legend_above(figure, [band, printed])
+    return figure
 
 
 class Suspected(NamedTuple):
@@ -327,7 +384,7 @@ ALONE = {"explains": "explains", "beyond_plausible": "implausible", "no": ""}
 """Whether one value of an effect brings all rows within the attainable range, in words."""
 
 SUSPECTED: tuple[Column[Suspected], ...] = (
-    Column("effect", lambda s: s.effect.effect),
+    Column("effect", lambda s: called(s.effect.effect), named=True),
     Column("stage", lambda s: s.effect.stage, brief=False),
     Column("efficiency", lambda s: s.alone.metric),
     Column("plausible", lambda s: _plausible(*s.effect.fields), brief=False),
@@ -341,7 +398,7 @@ def _plausible(first: Parameter, *more: Parameter) -> str:
     return (
         f"{1 + len(more)} fields"
         if more
-        else f"{first.low:g} to {first.high:g}{unit_suffix(first.unit)}"
+        else f"{first.low:.3g} to {first.high:.3g}{unit_suffix(first.unit)}"
     )
 
 
@@ -361,9 +418,7 @@ def _effects(ranges: AttainableRanges) -> Section:
         key=lambda s: (wanted.index(s.alone.metric), s.alone.verdict != "explains", -s.alone.closed)
     )
     helping = {one.effect.effect for one in found}
-    nothing = ", ".join(
-        suspect.effect for suspect in ranges.suspects if suspect.effect not in helping
-    )
+    nothing = call_all(one.effect for one in ranges.suspects if one.effect not in helping)
     legend = (
         "from the row that needs least to the one that needs most, * in some rows no value does; "
         "closes: share of the excess "
@@ -374,7 +429,7 @@ def _effects(ranges: AttainableRanges) -> Section:
         "effects", "Effects that could explain it",
         table("effects", "Effects alone on each efficiency.", SUSPECTED, found),
         Note(legend, "Needs"),
-        Note(f"{nothing}.", "No effect") if nothing else None,
+        Note(nothing and f"{nothing}.", "No effect"),
         folded=True,
     )  # fmt: skip
 

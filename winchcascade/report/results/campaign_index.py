@@ -118,10 +118,8 @@ def results_index(
     )
 
 
-def _logs(runs: Sequence[LogSummary], endings: Sequence[str]) -> Table[LogSummary] | None:
+def _logs(runs: Sequence[LogSummary], endings: Sequence[str]) -> Table[LogSummary]:
     """Efficiencies and findings by load, and the files of each log."""
-    if not runs:
-        return None
     ratios = given(runs, cascade_of(runs).ratios)
     columns = [
         log_column(endings[0]),

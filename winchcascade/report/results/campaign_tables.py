@@ -15,7 +15,7 @@ from winchcascade.report.glossary import metric, short
 from winchcascade.report.wording import load_text, mean_text
 
 LogColumn = Column[LogSummary]
-LogTable = Table[LogSummary] | None
+LogTable = Table[LogSummary]
 
 
 # ------------------------------------------------------------------------------------ the columns
@@ -126,11 +126,11 @@ def _table(
     *,
     note: str = "",
 ) -> LogTable:
-    """A table of logs under their names, loads and plateau speeds; None where no further column
+    """A table of logs under their names, loads and plateau speeds; empty where no further column
     holds anything.
     """
-    made = table(name, caption, [log_column(), LOAD, SPEED, *columns], runs, note=note, brief=False)
-    return made if columns else None
+    head = [log_column(), LOAD, SPEED]
+    return table(name, caption, [*head, *columns], runs if columns else (), note=note, brief=False)
 
 
 def budget_table(runs: Sequence[LogSummary], *, linked: bool) -> LogTable:
@@ -192,7 +192,7 @@ def uncertainty_table(runs: Sequence[LogSummary]) -> LogTable:
 
 
 def net_table(runs: Sequence[LogSummary]) -> LogTable:
-    """Energies of whole cycles; None where no log has any."""
+    """Energies of whole cycles; empty where no log has any."""
     names = given(runs, cascade_of(runs).net_metrics)
     return _table(
         "net",
@@ -203,7 +203,7 @@ def net_table(runs: Sequence[LogSummary]) -> LogTable:
 
 
 def repeatability_table(runs: Sequence[LogSummary]) -> LogTable:
-    """Largest deviation of any cycle from the mean; None where no log has two cycles."""
+    """Largest deviation of any cycle from the mean; empty where no log has two cycles."""
     several = [run for run in runs if run.complete > 1]
     known = {
         field

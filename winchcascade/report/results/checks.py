@@ -1,5 +1,5 @@
 """What a check against a published table states: every cell with what was found and allowed, those
-that do not agree first; as JSON, JUnit XML and annotations for GitHub too.
+that agree folded away; as JSON, JUnit XML and annotations for GitHub too.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ from winchcascade.report.wording import banner, origin_words
 from winchcascade.tables.check import CellCheck, Check
 from winchcascade.tables.published_table import TableRow
 
-OUTCOMES = {"ok": "agrees", "miss": "differs", "not_measured": "not measured", "no_run": "no run"}
-"""Outcomes of a cell in words."""
+OUTCOMES = {"miss": "differs", "not_measured": "not measured", "no_run": "no run"}
+"""Outcomes of a cell that does not agree, in words."""
 
 PARTS = {"rounding": "rounding", "deviation": "deviation", "uncertainty": "2 u", "means": "means"}
 """Parts of what is allowed, and how they are headed."""
@@ -52,6 +52,8 @@ def check_report(check: Check, *, command: str = "") -> Report:
         if not counts["miss"]
         else "`winchcascade audit` shows whether the table contradicts itself."
     )
+    columns, agreeing = _columns(check), [cell for cell in check.cells if cell.ok]
+    means = "2 u: twice the standard uncertainty of the mean by the sensors."
     if advice and findings:
         advice = "Correct the logs with findings first."
     return Report(
@@ -74,10 +76,14 @@ def check_report(check: Check, *, command: str = "") -> Report:
             section("findings", "Findings in the logs", table("findings", "What is wrong with the "
                                                                           "logs.", FINDINGS, findings)),
             section(
-                "cells", "Cells, those that do not agree first",
-                table("cells", "Printed and found values.", _columns(check), sorted(check.cells, key=lambda cell: cell.ok),
-                      note="2 u: twice the standard uncertainty of the mean by the sensors."),
+                "cells", "Cells that do not agree",
+                table("cells", "Printed and found values that do not agree.", columns, check.misses, note=means),
                 None if check.cells else Note("No cell was compared."),
+            ),
+            section(
+                "agreeing", "Cells that agree",
+                table("agreeing", "Printed and found values that agree.", columns, agreeing, note=means, brief=False),
+                folded=True,
             ),
             provenance(
                 [*table_rows(check.table), ("Logs", ", ".join(dict.fromkeys(cell.log for cell in check.cells if cell.log)))],
@@ -155,7 +161,7 @@ def _columns(check: Check) -> list[Column[CellCheck]]:
         Column("differs", lambda cell: _finer(cell, cell.difference), signed=True),
         Column("allowed", partial(_allowed, "tolerance")),
         Column("beyond", beyond),
-        Column("outcome", lambda cell: OUTCOMES[cell.outcome]),
+        Column("outcome", lambda cell: OUTCOMES.get(cell.outcome)),
         *(Column(PARTS[part], partial(_allowed, part), brief=False) for part in _parts(check)),
         Column(
             "log", lambda cell: one_line(Path(cell.log).name) if cell.log else "", brief=several

@@ -1,5 +1,5 @@
 """What a comparison states: differences of both sides with intervals, their parts, what limits
-them, and their figure.
+them; their figure and their JSON.
 """
 
 from __future__ import annotations
@@ -9,8 +9,9 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+import msgspec
 from msgspec.structs import replace
 
 from winchcascade.comparison.comparability import rule_text
@@ -23,12 +24,16 @@ from winchcascade.comparison.comparison_result import (
 )
 from winchcascade.comparison.differences import Difference
 from winchcascade.comparison.gate import Drop, Gate
+from winchcascade.core.campaign_file import joint_origin, origin_record
+from winchcascade.core.cascade import field_of
 from winchcascade.core.plain_text import first_of
+from winchcascade.core.version import __version__
 from winchcascade.report import content
 from winchcascade.report.content import Column, Measured, Note, Span, Tile, section, shown
 from winchcascade.report.figures.style import (
     COLOURS,
     cut_apart,
+    draw_intervals,
     evenly,
     label_panel,
     look_of,
@@ -167,15 +172,13 @@ DIFFERENCE: tuple[Column[Row], ...] = (
 """Means of both sides, their difference with its interval, and the parts of its uncertainty."""
 
 
-def differences_table(
-    name: str, rows: Sequence[Row], *, brief: bool = True
-) -> content.Table[Row] | None:
-    """Means of both sides and their differences with intervals; None without any."""
+def differences_table(name: str, rows: Sequence[Row], *, brief: bool = True) -> content.Table[Row]:
+    """Means of both sides and their differences with intervals."""
     caption = f"{name.replace('-', ' ').capitalize()} of A and B, and their differences; u: standard uncertainty."
     return content.table(f"{name}-differences", caption, DIFFERENCE, rows, brief=brief)
 
 
-def _logs(found: Comparison) -> content.Table[tuple[str, ComparedRun]] | None:
+def _logs(found: Comparison) -> content.Table[tuple[str, ComparedRun]]:
     """What decides whether logs can be compared."""
     columns: list[Column[tuple[str, ComparedRun]]] = [
         Column("side", lambda row: row[0]),
@@ -193,7 +196,7 @@ def _logs(found: Comparison) -> content.Table[tuple[str, ComparedRun]] | None:
     )
 
 
-def drops_table(gate: Gate) -> content.Table[Drop] | None:
+def drops_table(gate: Gate) -> content.Table[Drop]:
     """Drop of each run against the limit."""
     both = dict.fromkeys(("beyond_uncertain", "within_uncertain"), "contains the limit")
     columns: list[Column[Drop]] = [
@@ -316,12 +319,10 @@ def difference_figure(found: Comparison, metrics: Sequence[str]) -> Figure:
         place = name.rpartition("_")[2]
         look = look_of({"trans": "mech", "pto": "line"}.get(place, place))
         ax.axhline(0.0, color=COLOURS["ink"], lw=0.8, zorder=1)
-        for x, one in ((x, one) for x, run in enumerate(runs) if (one := run.of(name)) is not None):
-            low, high = one.interval or (math.nan, math.nan)
-            ax.errorbar(
-                [x], [one.value], yerr=[[one.value - low], [high - one.value]], color=COLOURS[look.colour], marker=look.mark,
-                mfc=COLOURS[look.colour if one.excludes_zero else "paper"], ms=5, mew=1.0, capsize=3, lw=1.1,
-            )  # fmt: skip
+        known = [(x, one) for x, run in enumerate(runs) if (one := run.of(name)) is not None]
+        ends = [(one.value, *(one.interval or (math.nan, math.nan))) for _, one in known]
+        excludes = [one.excludes_zero is True for _, one in known]
+        draw_intervals(ax, [x for x, _ in known], ends, look._replace(dashes="-"), excludes)
         ax.set_xlim(-0.6, len(runs) - 0.4)
         ax.grid(axis="x", visible=False)
         ax.locator_params(axis="y", nbins=5)
@@ -331,3 +332,70 @@ def difference_figure(found: Comparison, metrics: Sequence[str]) -> Figure:
         range(len(runs)), names, rotation=90 if len(runs) > MAX_DRAWN // 2 else 0, parse_math=False
     )
     return figure
+
+
+def comparison_record(found: Comparison, gate: Gate | None = None) -> dict[str, Any]:
+    """The comparison as it is written: inf is null there; differences are B - A, null where a
+    side has no such mean.
+    """
+    return {
+        "schema": "winchcascade/comparison/1",
+        "version": __version__,
+        "a": _side_record(found.a),
+        "b": _side_record(found.b),
+        "sensors": "same" if found.same_sensors else "independent",
+        "shared_gains": found.shared,
+        "matched_by": found.matched_by,
+        "runs": [
+            {
+                "label": runs.label,
+                "load_ohm": runs.load,
+                "open_circuit": runs.load == math.inf,
+                "a": _logs_record(runs.a),
+                "b": _logs_record(runs.b),
+                "differences": {field_of(m): (one := runs.of(m)) and difference_record(one) for m in found.metrics},
+            }
+            for runs in found.runs
+        ],
+        "unmatched": {"a": _logs_record(found.alone_a), "b": _logs_record(found.alone_b)},
+        "notes": msgspec.to_builtins(found.notes),
+        "gate": None if gate is None else {
+            "metric": gate.metric,
+            "max_drop": gate.limit,
+            "ok": gate.ok,
+            "drops": msgspec.to_builtins(gate.drops),
+            "without": gate.without,
+        },
+    }  # fmt: skip
+
+
+def difference_record(one: Difference) -> dict[str, Any]:
+    """One difference; degrees of freedom are null where they are infinite."""
+    row: dict[str, Any] = msgspec.to_builtins(one)
+    del row["metric"]
+    return row | {"degrees_of_freedom": None if one.freedom == math.inf else one.freedom}
+
+
+def _side_record(side: ComparedSide) -> dict[str, Any]:
+    data = origin_record(joint_origin([run.origin for run in side.runs]))
+    return {"name": side.name, "logs": len(side.runs), "data": data}
+
+
+def _logs_record(runs: Sequence[ComparedRun]) -> list[dict[str, Any]]:
+    """What runs are called, and what decides whether they can be compared."""
+    return [
+        {
+            "name": run.name,
+            "load_ohm": run.load,
+            "sha256": run.digest,
+            "rig": run.rig,
+            "measured": run.origin.measured,
+            "simulated": run.simulated or None,
+            "window": run.window,
+            "window_s": run.window_length,
+            "speed_mps": run.speed,
+            "complete": run.complete,
+            "findings": run.findings,
+        }
+        for run in runs
+    ]

@@ -252,7 +252,7 @@ def _repairs_section(found: Design) -> Section:
     """What each repair is worth."""
     yearly = any(one.per_year is not None for one in found.repairs)
     columns: list[Column[Repair]] = [
-        Column("without", lambda one: called(one.effect)),
+        Column("without", lambda one: called(one.effect), named=True),
         Column("delivered", lambda one: band_cell(one.per_cycle), "J a cycle"),
         Column("95 % interval", lambda one: band_span(one.per_cycle), "J a cycle"),
         *([Column("a year", lambda one: None if one.per_year is None else band_cell(one.per_year), "kWh")]

@@ -15,7 +15,6 @@ from winchcascade.diagnosis.diagnosis_result import (
     ModelForm,
     Place,
     Shrunk,
-    SingleEffect,
 )
 from winchcascade.diagnosis.explain.contributions import EFFICIENCIES, leading_metric
 from winchcascade.diagnosis.explain.figure_data import (
@@ -25,8 +24,6 @@ from winchcascade.diagnosis.explain.figure_data import (
     worst_costs,
 )
 from winchcascade.diagnosis.explain.gap_map import STANDS_OUT
-from winchcascade.diagnosis.explain.thresholds import Threshold
-from winchcascade.diagnosis.fit.nuisances import Nuisance
 from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.report.content import (
     Cell,
@@ -51,16 +48,14 @@ from winchcascade.report.diagnosis_names import (
     called,
     display_of,
     files_of,
-    nuisance_words,
     number_words,
     origins_of,
     phase_words,
-    share_words,
     signed,
     word_of,
 )
 from winchcascade.report.figures import diagnosis_figures as figures
-from winchcascade.report.figures.cause_figures import part_name, waterfall_figure
+from winchcascade.report.figures.diagnosis_figures import part_name, waterfall_figure
 from winchcascade.report.figures.histories import history_figure, history_json
 from winchcascade.report.glossary import CHANNELS, upper
 from winchcascade.report.results import diagnosis_words as words
@@ -68,20 +63,19 @@ from winchcascade.report.results.diagnosis_parts import (
     bias_cell,
     candidates_table,
     causes_table,
+    considered,
     first_points,
     made_from,
-    minor_table,
-    note_of,
     numbers,
     residual,
     step_tile,
     verdict_tile,
 )
+from winchcascade.report.results.diagnosis_sentences import experiment_words
 from winchcascade.report.results.laws_beside_model import stage_laws_section
 from winchcascade.report.results.stage_diagnosis import stage_report
 from winchcascade.report.results.validation_report import validation_section
 from winchcascade.report.wording import banner, load_words
-from winchcascade.rig.effects.effect import Display, Parameter
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -116,7 +110,7 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
             section("causes", "Causes", causes_table(found), candidates_table(found)),
             stage_laws_section(found),
             _own_simulation(found),
-            section("next", "Next run", note_of(words.experiment_words(found))),
+            section("next", "Next run", Note(experiment_words(found))),
             section(
                 "costs", "What each cause costs" if found.causes else "Efficiencies",
                 _cost_table(found, leading, brief=not found.causes),
@@ -130,7 +124,7 @@ def _model_report(found: ModelDiagnosis, *, command: str) -> Report:
             ),
             validation_section(found),
             numbers(found),
-            _considered(found),
+            considered(found),
             _provenance(found, command),
         ],
         banner=banner(origins_of(found)),
@@ -224,12 +218,12 @@ def _own_simulation(found: ModelDiagnosis) -> Section:
 
     return section(
         "own-simulation", "Your simulation",
-        note_of(agrees if own is not None and not forms else ""),
+        Note(agrees if own is not None and not forms else ""),
         table(
             "model-form", "Your simulation minus the model of the rig file, where they differ "
                           "most.",
             [
-                Column("likely", lambda form: called(form.likely or "unknown", found.suspects)),
+                Column("likely", lambda form: called(form.likely or "unknown", found.suspects), named=True),
                 Column("stage", lambda form: form.stage),
                 Column("place", lambda form: f"{NAMES[form.channel]}, "
                                              f"{phase_words(form.phase)}{at_words(form.load)}"),
@@ -323,11 +317,8 @@ def _where(found: ModelDiagnosis, word: str) -> Section:
 LISTED_PLACES = 12
 """Places of a map that are listed."""
 
-LISTED_NUISANCES = 12
-"""Nuisances that are listed, those that the fit moved most."""
 
-
-def _places(places: Sequence[Place]) -> Table[Place] | None:
+def _places(places: Sequence[Place]) -> Table[Place]:
     """The places with the largest gap."""
     ranked = sorted(places, key=lambda place: -abs(place.z) if math.isfinite(place.z) else 0.0)
     return table(
@@ -398,90 +389,6 @@ def _cycle(found: ModelDiagnosis, blocks: pd.DataFrame, word: str) -> Picture | 
         partial(history_figure, history),
         partial(history_json, history),
     )  # fmt: skip
-
-
-RANGE_COLUMNS: list[Column[tuple[str, Parameter]]] = [
-    Column("effect", lambda row: called(row[0])),
-    Column("field", lambda row: row[1].name),
-    Column("plausible", lambda row: f"{row[1].low:.3g} to {row[1].high:.3g}"),
-    Column("unit", lambda row: row[1].unit),
-    Column("share", lambda row: "{:.3g} to {:.3g}".format(*row[1].share or (0.0, 0.0))),
-    Column("of", lambda row: row[1].scale.replace("_", " ")),
-]
-"""Plausible range of a field of a suspect."""
-
-
-def _considered(found: ModelDiagnosis) -> Section:
-    files = files_of(found)
-    pulls = sorted(
-        zip(found.data.nuisances, found.found.best.nu.tolist(), strict=True),
-        key=lambda pair: -abs(pair[1]),
-    )
-    moved: list[tuple[Nuisance, float]] = [pair for pair in pulls if abs(pair[1]) > 1.0]
-    return section(
-        "considered", "What else was considered",
-        Note(words.not_needed_words(found), brief=False) if found.causes else None,
-        Note(words.undetermined_words(found), brief=False) if found.undetermined else None,
-        minor_table(found),
-        table(
-            "singles",
-            "Best single effects: evidence relative to the best set, and share of the gap closed "
-            "on held-out logs.",
-            [
-                Column[SingleEffect]("effect", lambda one: called(one.effect, found.suspects)),
-                Column("evidence", lambda one: one.evidence, "nats", 1, signed=True),
-                Column("closes alone", lambda one: share_words(one.closure) if math.isfinite(one.closure) else ""),
-            ],
-            found.singles,
-            brief=False,
-        ),
-        table(
-            "ranges",
-            "Plausible ranges of effects with a size of their own: in units, and as a share of a "
-            "scale of the campaign.",
-            RANGE_COLUMNS,
-            [(name, field) for name, effect in found.suspects.items() for field in effect.fields if field.share],
-            brief=False,
-        ),
-        table(
-            "thresholds",
-            "From which size each effect alone would have been named in nine of ten such "
-            "campaigns; -: no plausible size.",
-            [
-                Column[Threshold]("effect", lambda one: called(one.effect, found.suspects)),
-                Column("stage", lambda one: found.suspects[one.effect].stage),
-                Column("what it is", lambda one: found.suspects[one.effect].summary),
-                Column("named from", lambda one: _named_from(one, _display(found, one))),
-                Column("unit", lambda one: _display(found, one).unit),
-            ],
-            found.thresholds,
-            brief=False,
-        ),
-        table(
-            "nuisances", "What the fit moved most within its tolerance, in standard uncertainties.",
-            [
-                Column("number", lambda pair: nuisance_words(pair[0], files)),
-                Column("moved", lambda pair: pair[1], "", 1, signed=True),
-            ],
-            moved[:LISTED_NUISANCES],
-            brief=False,
-        ),
-        folded=True,
-    )  # fmt: skip
-
-
-def _named_from(one: Threshold, how: Display) -> Cell:
-    """Number from which an effect would have been named, as exact as two digits of its change."""
-    return (
-        None
-        if one.value is None
-        else Measured(one.value * how.factor, abs(one.value - one.absent) * how.factor)
-    )
-
-
-def _display(found: ModelDiagnosis, one: Threshold) -> Display:
-    """How the number of a threshold is shown."""
-    return display_of(one.effect, found.suspects[one.effect].parameter, one.unit)
 
 
 def _provenance(found: ModelDiagnosis, command: str) -> Section:

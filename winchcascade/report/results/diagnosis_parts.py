@@ -1,5 +1,5 @@
 """Parts of the report of a diagnosis that one with a model and one without have in common:
-causes, residual, numbers.
+causes, residual, numbers; and what else was considered.
 """
 
 from __future__ import annotations
@@ -18,8 +18,11 @@ from winchcascade.diagnosis.diagnosis_result import (
     NamedCause,
     Place,
     Reported,
+    SingleEffect,
 )
 from winchcascade.diagnosis.explain.figure_data import cost_of, mean_costs
+from winchcascade.diagnosis.explain.thresholds import Threshold
+from winchcascade.diagnosis.fit.nuisances import Nuisance
 from winchcascade.report.content import (
     Cell,
     Column,
@@ -27,7 +30,6 @@ from winchcascade.report.content import (
     Note,
     Picture,
     Section,
-    Span,
     Table,
     Tile,
     number_text,
@@ -35,14 +37,14 @@ from winchcascade.report.content import (
     table,
 )
 from winchcascade.report.diagnosis_names import (
-    INTERVAL_WIDTH,
     NAMES,
-    UNDETERMINED,
     alarm_place,
     call_all,
     called,
     display_of,
     files_of,
+    nuisance_words,
+    number_cells,
     origins_of,
     phase_words,
     probability_words,
@@ -50,16 +52,11 @@ from winchcascade.report.diagnosis_names import (
     share_words,
     shown_as,
 )
-from winchcascade.report.figures.cause_figures import profile_figure, stability_figure
+from winchcascade.report.figures.diagnosis_figures import profile_figure, stability_figure
 from winchcascade.report.glossary import upper
 from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.common import data_note, provenance
-from winchcascade.rig.effects.effect import Display, Effect
-
-
-def note_of(text: str, about: str = "") -> Note | None:
-    """A sentence as a block; None for none."""
-    return Note(text, about) if text else None
+from winchcascade.rig.effects.effect import Display, Effect, Parameter
 
 
 # ------------------------------------------------------------------------------------- the causes
@@ -83,7 +80,7 @@ def _rows(found: DiagnosisResult, several: Sequence[NamedCause]) -> list[CauseRo
     ]
 
 
-def candidates_table(found: DiagnosisResult) -> Table[CauseRow] | None:
+def candidates_table(found: DiagnosisResult) -> Table[CauseRow]:
     """A line for each candidate: number, interval, closure without it, and look-alikes; it has
     no cost and no action.
     """
@@ -91,10 +88,10 @@ def candidates_table(found: DiagnosisResult) -> Table[CauseRow] | None:
         "candidates", "Candidates: the fit uses them, but each may imitate something that the "
                       "catalogue lacks.",
         [
-            Column("effect", partial(_effect, found)),
+            Column("effect", partial(_effect, found), named=True),
             *number_columns(),
             Column("without", _closed_without),
-            Column("look-alikes", partial(_alike, found)),
+            Column("look-alikes", partial(_alike, found), named=True),
         ],
         _rows(found, found.candidates),
         note="Candidates are neither entered nor priced. Without: share of the gap that is closed "
@@ -117,7 +114,7 @@ def _alike(found: DiagnosisResult, row: CauseRow) -> str:
     return call_all(alike, found.suspects)
 
 
-def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
+def causes_table(found: DiagnosisResult) -> Table[CauseRow]:
     """A line for each cause: number, interval, probability, cost, closure without it,
     look-alikes, and what to do.
     """
@@ -131,14 +128,14 @@ def causes_table(found: DiagnosisResult) -> Table[CauseRow] | None:
         "causes", "Effects that are needed; 95 % intervals include the uncertainty of the rig "
                   "file.",
         [
-            Column("effect", partial(_effect, found)),
+            Column("effect", partial(_effect, found), named=True),
             Column("what changes", lambda row: row.how.what, brief=False),
             *number_columns(),
             Column("range", lambda row: range_words(row.value)),
             Column("prob.", lambda row: probability_words(row.cause.probability) if row.first else ""),
             Column("cost", lambda row: cost_of(costs, row.cause) if row.first else None, "points", 1, signed=True),
             Column("without", _closed_without),
-            Column("look-alikes", partial(_alike, found)),
+            Column("look-alikes", partial(_alike, found), named=True),
             Column("what to do", lambda row: str(words.action_of(found, row.cause)) if row.first else ""),
         ],
         _rows(found, found.causes),
@@ -168,29 +165,11 @@ class EffectNumber(NamedTuple):
 
 
 def number_columns() -> list[Column[Any]]:
-    """Number and interval of an effect in the unit in which it is shown, with the digits that
-    the interval allows.
-    """
-
-    def u(row: CauseRow | EffectNumber) -> float | None:
-        return (
-            (row.value.high - row.value.low) / INTERVAL_WIDTH * row.how.factor
-            if row.value.determined
-            else None
-        )
-
-    def number(row: CauseRow | EffectNumber) -> Cell:
-        return Measured(row.value.value * row.how.factor, u(row), signed=row.how.signed)
-
-    def interval(row: CauseRow | EffectNumber) -> Cell:
-        if not row.value.determined:
-            return UNDETERMINED
-        return Span(row.value.low * row.how.factor, row.value.high * row.how.factor, u(row))
-
+    """Number and interval of an effect in the unit in which it is shown."""
     return [
-        Column("found", number),
+        Column("found", lambda row: number_cells(row.how, row.value)[0]),
         Column("unit", lambda row: row.how.unit),
-        Column("95 %", interval),
+        Column("95 %", lambda row: number_cells(row.how, row.value)[1]),
     ]
 
 
@@ -250,7 +229,7 @@ def residual(found: DiagnosisResult) -> Section:
         table(
             "alarms", "Signs of something that the named causes do not explain.",
             [
-                Column[Alarm]("where", lambda alarm: alarm_place(alarm, files)),
+                Column[Alarm]("where", lambda alarm: alarm_place(alarm, files), named=True),
                 Column("kind", lambda alarm: alarm.kind),
                 Column("size", lambda alarm: number(alarm.size, 0.1 * alarm.size if alarm.limit else 0.0)),
                 Column("limit", lambda alarm: number(alarm.limit, alarm.limit)),
@@ -266,7 +245,7 @@ def numbers(found: DiagnosisResult) -> Section:
     model, item = (found, "run") if isinstance(found, ModelDiagnosis) else (None, "cycle")
     return section(
         "numbers", "Numbers of the causes",
-        Note(words.stability_words(found), brief=False) if found.causes else None,
+        Note(words.stability_words(found), brief=False),
         None if model is None else Picture(
             "rolloff",
             "Back-EMF constant over the stator current (the paper's Fig. 18e).",
@@ -283,7 +262,7 @@ def numbers(found: DiagnosisResult) -> Section:
     )  # fmt: skip
 
 
-def minor_table(found: DiagnosisResult) -> Table[EffectNumber] | None:
+def minor_table(found: DiagnosisResult) -> Table[EffectNumber]:
     """Effects that are significant but too small to matter, and undecided ones, with number and
     what each changes most.
     """
@@ -306,14 +285,102 @@ def minor_table(found: DiagnosisResult) -> Table[EffectNumber] | None:
 
 def effects_table(
     name: str, caption: str, rows: Sequence[EffectNumber], suspects: Mapping[str, Effect]
-) -> Table[EffectNumber] | None:
+) -> Table[EffectNumber]:
     """Numbers of some effects beside those of the causes."""
     columns: list[Column[EffectNumber]] = [
-        Column("effect", lambda row: called(row.effect, suspects)),
+        Column("effect", lambda row: called(row.effect, suspects), named=True),
         *number_columns(),
         Column("what it is", lambda row: row.role),
     ]
     return table(name, caption, columns, rows)
+
+
+LISTED_NUISANCES = 12
+"""Nuisances that are listed, those that the fit moved most."""
+
+RANGE_COLUMNS: list[Column[tuple[str, Parameter]]] = [
+    Column("effect", lambda row: called(row[0]), named=True),
+    Column("field", lambda row: row[1].name),
+    Column("plausible", lambda row: f"{row[1].low:.3g} to {row[1].high:.3g}"),
+    Column("unit", lambda row: row[1].unit),
+    Column("share", lambda row: "{:.3g} to {:.3g}".format(*row[1].share or (0.0, 0.0))),
+    Column("of", lambda row: row[1].scale.replace("_", " ")),
+]
+"""Plausible range of a field of a suspect."""
+
+
+def considered(found: ModelDiagnosis) -> Section:
+    """Effects that are not causes, numbers that the logs do not know, and what the fit moved."""
+    files = files_of(found)
+    pulls = sorted(
+        zip(found.data.nuisances, found.found.best.nu.tolist(), strict=True),
+        key=lambda pair: -abs(pair[1]),
+    )
+    moved: list[tuple[Nuisance, float]] = [pair for pair in pulls if abs(pair[1]) > 1.0]
+    return section(
+        "considered", "What else was considered",
+        Note(words.not_needed_words(found), brief=False),
+        Note(words.undetermined_words(found), brief=False),
+        minor_table(found),
+        table(
+            "singles",
+            "Best single effects: evidence relative to the best set, and share of the gap closed "
+            "on held-out logs.",
+            [
+                Column[SingleEffect]("effect", lambda one: called(one.effect, found.suspects), named=True),
+                Column("evidence", lambda one: one.evidence, "nats", 1, signed=True),
+                Column("closes alone", lambda one: share_words(one.closure) if math.isfinite(one.closure) else ""),
+            ],
+            found.singles,
+            brief=False,
+        ),
+        table(
+            "ranges",
+            "Plausible ranges of effects with a size of their own: in units, and as a share of a "
+            "scale of the campaign.",
+            RANGE_COLUMNS,
+            [(name, field) for name, effect in found.suspects.items() for field in effect.fields if field.share],
+            brief=False,
+        ),
+        table(
+            "thresholds",
+            "From which size each effect alone would have been named in nine of ten such "
+            "campaigns; -: no plausible size.",
+            [
+                Column[Threshold]("effect", lambda one: called(one.effect, found.suspects), named=True),
+                Column("stage", lambda one: found.suspects[one.effect].stage),
+                Column("what it is", lambda one: found.suspects[one.effect].summary),
+                Column("named from", lambda one: _named_from(one, _display(found, one))),
+                Column("unit", lambda one: _display(found, one).unit),
+            ],
+            found.thresholds,
+            brief=False,
+        ),
+        table(
+            "nuisances", "What the fit moved most within its tolerance, in standard uncertainties.",
+            [
+                Column("number", lambda pair: nuisance_words(pair[0], files)),
+                Column("moved", lambda pair: pair[1], "", 1, signed=True),
+            ],
+            moved[:LISTED_NUISANCES],
+            brief=False,
+        ),
+        folded=True,
+    )  # fmt: skip
+
+
+def _named_from(one: Threshold, how: Display) -> Cell:
+    """Number from which an effect would have been named, as exact as two digits of its change."""
+    return (
+        None
+        if one.value is None
+        else Measured(one.value * how.factor, abs(one.value - one.absent) * how.factor)
+    )
+
+
+def _display(found: ModelDiagnosis, one: Threshold) -> Display:
+    """How the number of a threshold is shown."""
+    return display_of(one.effect, found.suspects[one.effect].parameter, one.unit)
 
 
 def made_from(found: DiagnosisResult, rows: Sequence[tuple[str, Cell]], command: str) -> Section:

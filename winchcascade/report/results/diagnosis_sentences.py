@@ -1,4 +1,4 @@
-"""Sentences on parts of a diagnosis: where the gap lies, trends, planned runs; as plain texts."""
+"""Sentences on parts of a diagnosis: where the gap lies, trends, the next run; as plain texts."""
 
 from __future__ import annotations
 
@@ -31,12 +31,18 @@ from winchcascade.report.diagnosis_names import (
     phase_words,
     runs_with_number,
     shown_as,
+    signed,
     spot_words,
     word_of,
 )
-from winchcascade.report.glossary import CHANNELS
+from winchcascade.report.glossary import CHANNELS, upper
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Effect, Stated
+
+FAR_ENOUGH = 3.0
+"""Minimum expected difference, in standard deviations, at which an experiment distinguishes two
+effects.
+"""
 
 
 def closure_kind(found: DiagnosisResult) -> str:
@@ -218,3 +224,37 @@ def power_text(power: float, of: float = 0.0) -> str:
     ('1.2 kW', '0.56 W')
     """
     return f"{power / 1e3:.2g} kW" if max(power, of) >= 1e3 else f"{power:.2g} W"
+
+
+# ----------------------------------------------------------------------------------- the next run
+def experiment_words(found: DiagnosisResult) -> str:
+    """What to test next, and what it would bring."""
+    plan = found.experiment
+    if plan is None:
+        return ""
+    one, other = (called(name, found.suspects) for name in plan.separates)
+    apart = f"{signed(plan.expected_z).lstrip('+')} standard deviations"
+    run = (
+        profile_words(plan)
+        if plan.load is None
+        else f"{load_words(plan.load, 'ohm')}, {profile_words(plan)}"
+    )
+    if plan.repeats:
+        run = f"after all other runs the load of {plan.repeats} again, {run}"
+    listed = (*found.causes, *found.candidates)
+    alike = [
+        (called(cause.effect, found.suspects), called(look_alike.effect, found.suspects))
+        for cause in listed
+        for look_alike in cause.look_alikes
+    ]
+    if other in [name for _, name in alike]:
+        if plan.expected_z < FAR_ENOUGH:
+            return f"No run distinguishes {one} from {other} by more than {apart} ({run}): measure one of the two directly."
+        return f"{upper(run)}. There {one} and {other} differ by {apart}, which distinguishes them."
+    pairs = " and ".join(f"{cause} from {name}" for cause, name in alike)
+    none = (
+        f"No planned run distinguishes {pairs}" if alike else "No alternative explanation remains"
+    )
+    if plan.expected_z < FAR_ENOUGH:
+        return f"{none}; a further run would separate {one} from {other}, the next suspect, by {apart} at most ({run})."
+    return f"{none}. The sharpest further test separates {one} from {other}, the next suspect, by {apart}: {run}."

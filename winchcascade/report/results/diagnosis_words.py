@@ -1,5 +1,5 @@
-"""Sentences of a diagnosis, each stated once: verdict, place, certainty, what to do, the next
-run, the residual.
+"""Sentences of a diagnosis, each stated once: verdict, place, certainty, what to do, the
+residual.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ from winchcascade.report.diagnosis_names import (
 )
 from winchcascade.report.glossary import SENSORS, upper
 from winchcascade.report.results.diagnosis_sentences import (
+    FAR_ENOUGH,
     closure_kind,
     place_sentence,
-    profile_words,
     stated_text,
     trend_sentence,
 )
@@ -57,16 +57,8 @@ VERDICTS = {
 }
 """Verdicts as headings."""
 
-FAR_ENOUGH = 3.0
-"""Minimum expected difference, in standard deviations, at which an experiment distinguishes two
-effects.
-"""
-
 NONE_CLOSED = 0.005
 """A smaller share of a gap rounds to 0 % and is called none. [1]"""
-
-MANY_DEVIATIONS = 100.0
-"""More standard deviations than this are not counted."""
 
 
 # ------------------------------------------------------------------------------------ the verdict
@@ -318,14 +310,14 @@ def distinguished_words(found: DiagnosisResult) -> str:
 
 
 def not_needed_words(found: DiagnosisResult) -> str:
-    """Names of the effects that are not needed beside the causes; an entry of several runs is
+    """Labels of the effects that are not needed beside the causes; an entry of several runs is
     listed once.
     """
     chosen = {effect_name(name) for name in found.chosen}
     others = dict.fromkeys(
-        effect_name(name) for name in found.suspects if effect_name(name) not in chosen
+        effect.label for name, effect in found.suspects.items() if effect_name(name) not in chosen
     )
-    return f"Not needed: {call_all(others, found.suspects)}." if found.causes else ""
+    return f"Not needed: {', '.join(others)}." if found.causes else ""
 
 
 def undetermined_words(found: ModelDiagnosis) -> str:
@@ -428,55 +420,6 @@ def trend_sentences(found: DiagnosisResult) -> list[str]:
         (cause, () if cause.stability is None else cause.stability.trends) for cause in found.causes
     ]
     return [trend_sentence(found, cause, trend) for cause, trends in each for trend in trends]
-
-
-# ----------------------------------------------------------------------------------- the next run
-def apart_words(z: float) -> str:
-    """By how many standard deviations two explanations differ.
-
-    >>> apart_words(4.26), apart_words(21.6), apart_words(1420.0)
-    ('4.3', '22', 'more than 100')
-    """
-    return (
-        f"{z:.1f}"
-        if z < 9.95
-        else f"{z:.0f}"
-        if z < MANY_DEVIATIONS
-        else f"more than {MANY_DEVIATIONS:.0f}"
-    )
-
-
-def experiment_words(found: DiagnosisResult) -> str:
-    """What to test next, and what it would bring."""
-    plan = found.experiment
-    if plan is None:
-        return ""
-    one, other = (called(name, found.suspects) for name in plan.separates)
-    apart = f"{apart_words(plan.expected_z)} standard deviations"
-    run = (
-        profile_words(plan)
-        if plan.load is None
-        else f"{load_words(plan.load, 'ohm')}, {profile_words(plan)}"
-    )
-    if plan.repeats:
-        run = f"after all other runs the load of {plan.repeats} again, {run}"
-    listed = (*found.causes, *found.candidates)
-    alike = [
-        (called(cause.effect, found.suspects), called(look_alike.effect, found.suspects))
-        for cause in listed
-        for look_alike in cause.look_alikes
-    ]
-    if other in [name for _, name in alike]:
-        if plan.expected_z < FAR_ENOUGH:
-            return f"No run distinguishes {one} from {other} by more than {apart} ({run}): measure one of the two directly."
-        return f"{upper(run)}. There {one} and {other} differ by {apart}, which distinguishes them."
-    pairs = " and ".join(f"{cause} from {name}" for cause, name in alike)
-    none = (
-        f"No planned run distinguishes {pairs}" if alike else "No alternative explanation remains"
-    )
-    if plan.expected_z < FAR_ENOUGH:
-        return f"{none}; a further run would separate {one} from {other}, the next suspect, by {apart} at most ({run})."
-    return f"{none}. The sharpest further test separates {one} from {other}, the next suspect, by {apart}: {run}."
 
 
 # ----------------------------------------------------------------------------------- the residual

@@ -82,7 +82,7 @@ def _same_stages(found: ModelDiagnosis, own: StageDiagnosis) -> bool:
     return of_model == of_laws or bool(of_model & of_laws)
 
 
-def _laws(own: StageDiagnosis) -> Table[Any] | None:
+def _laws(own: StageDiagnosis) -> Table[Any]:
     """Number and interval of each law that acts."""
     causes = {cause.effect: cause for cause in (*own.causes, *own.candidates)}
     rows = [

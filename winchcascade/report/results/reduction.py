@@ -4,11 +4,17 @@ uncertainty, findings.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
+from collections.abc import Mapping
 from functools import cache, partial
+from statistics import fmean
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from winchcascade.core.store import fingerprint
+from winchcascade.reduction.reduce import metrics_within
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
 from winchcascade.reduction.wave_energies import WaveEnergies, waves_of
@@ -20,6 +26,7 @@ from winchcascade.report.content import (
     Section,
     Span,
     Tile,
+    number_text,
     section,
     shown,
 )
@@ -71,6 +78,10 @@ if TYPE_CHECKING:
 LISTED_REASONS = 3
 """Reasons for missing net energies that are listed; the JSON holds that of each cycle."""
 
+WINDOW_EFFECT_MIN = 0.005
+"""Difference of an efficiency between window and whole payout from which both are stated: half of
+the last percent that a comparison of rigs needs. [1]"""
+
 OPEN_FINDINGS = 4
 """Findings whose table is open on a page; of more the first screen names the kinds."""
 
@@ -93,13 +104,15 @@ def reduction_report(
         the numbers of the rig file if not given
     """
     run, waves, found = reduction.run, waves_of(reduction), found or uncertainty(reduction)
+    payout = payout_means(reduction)
     return Report(
         kind="Reduction of a log",
         title=run.name + ("" if run.table is None else f", table {run.table!r}"),
         subtitle=_subtitle(reduction),
-        tiles=_tiles(reduction, found) if waves is None else wave_tiles(waves),
+        tiles=_tiles(reduction, found, payout) if waves is None else wave_tiles(waves),
         points=[
             data_note([run.origin]),
+            _windows_note(reduction, found, payout),
             *_outcome(reduction),
             *_accuracy(found),
             Note(reduction.rig.note, "Rig note"),
@@ -148,8 +161,13 @@ def _subtitle(reduction: Reduction) -> str:
     return " · ".join(filter(None, parts))
 
 
-def _tiles(reduction: Reduction, found: Uncertainty) -> list[Tile]:
-    """The efficiencies with their intervals, and energies where there are fewer than three."""
+def _tiles(reduction: Reduction, found: Uncertainty, payout: Mapping[str, float]) -> list[Tile]:
+    """The efficiencies with their intervals, and energies where there are fewer than three.
+
+    Parameters
+    ----------
+    payout : efficiencies over the whole payouts, which are stated beside those of the windows
+    """
     cascade, repeats = reduction.rig.cascade, reduction.rig.phases.repeats
     etas = (
         (*cascade.neighbours[:2], cascade.overall)
@@ -160,14 +178,45 @@ def _tiles(reduction: Reduction, found: Uncertainty) -> list[Tile]:
     return [
         Tile(
             m,
-            ratio_words(m, cascade.pairs[m])
+            ratio_words(m, cascade.pairs[m]) + ", run-up" * (m in payout)
             if m in cascade.ratios
             else metric(m).label + ", per cycle" * repeats,
             f"{stated_text(reduction, found, m)} {metric(m).unit}".strip(),
-            _interval(found, m) if repeats else "all cycles together",
+            "; ".join(
+                [
+                    _interval(found, m) if repeats else "all cycles together",
+                    *([f"whole payout: {number_text(payout[m], 3)}"] if m in payout else []),
+                ]
+            ),
         )
         for m in given
     ]
+
+
+def payout_means(reduction: Reduction) -> dict[str, float]:
+    """Mean efficiencies over the whole payouts of the complete cycles, where these differ from
+    those of windows that end soon after the run-up; empty else. [1]
+    """
+    counted = reduction.complete if reduction.window == "auto" else ()
+    payouts = np.array([(c.window.onset, c.phases.payout_end) for c in counted]).reshape(-1, 2)
+    cycles = metrics_within(reduction.run, reduction.rig, payouts)
+    names = [name for name in reduction.rig.cascade.ratios if reduction.mean[name] is not None]
+    means = {name: fmean(of[name] or math.nan for of in cycles) for name in names if cycles}
+    return {
+        name: eta
+        for name, eta in means.items()
+        if abs(eta - (reduction.mean[name] or 0.0)) >= WINDOW_EFFECT_MIN
+    }
+
+
+def _windows_note(reduction: Reduction, found: Uncertainty, payout: Mapping[str, float]) -> Note:
+    """Efficiencies of the run-up beside those of the whole payout; empty where they agree."""
+    stated = ", ".join(
+        f"{name} {stated_text(reduction, found, name)} and {number_text(eta, 3)}"
+        for name, eta in payout.items()
+    )
+    text = f"In the run-up, and over the whole payout (`--window payout`): {stated}."
+    return Note(text if stated else "", "Windows")
 
 
 def stated_text(reduction: Reduction, found: Uncertainty, name: str) -> str:

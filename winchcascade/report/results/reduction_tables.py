@@ -145,7 +145,7 @@ def net_table(reduction: Reduction, found: Uncertainty) -> Table[CycleResult] | 
     )  # fmt: skip
 
 
-def directions_table(reduction: Reduction) -> Table[tuple[str, BothWays]] | None:
+def directions_table(reduction: Reduction) -> Table[tuple[str, BothWays]]:
     """Stages whose power changes its direction: what flows with the cascade and against it."""
     columns: list[Column[tuple[str, BothWays]]] = [
         Column("stage", lambda row: row[0]),
@@ -198,9 +198,9 @@ def phases_table(reduction: Reduction) -> Table[CycleResult]:
     return Table("phases", f"Phases{since}.", spans, reduction.cycles, limit=LISTED_CYCLES)
 
 
-def bins_table(reduction: Reduction) -> Table[Bin] | None:
-    """Mean powers in bins of generator speed, and what is stored while the speed changes; None
-    where it is unknown.
+def bins_table(reduction: Reduction) -> Table[Bin]:
+    """Mean powers in bins of generator speed, and what is stored while the speed changes; empty
+    where no stage has any.
     """
     stages = [
         s
@@ -222,11 +222,8 @@ def bins_table(reduction: Reduction) -> Table[Bin] | None:
     if missing:
         stored = f"Without {missing} in the rig file, or its channel in the log, differences contain stored energy."
     caption = f"Mean powers of the {span_word(reduction)}s by generator speed +- standard error of independent samples."
-    return (
-        Table("bins", caption, columns, reduction.bins, note=stored, brief=False, limit=LISTED_BINS)
-        if stages
-        else None
-    )
+    bins = reduction.bins if stages else ()
+    return Table("bins", caption, columns, bins, note=stored, brief=False, limit=LISTED_BINS)
 
 
 def _binned(stage: str, of: Bin) -> Measured:
@@ -238,8 +235,8 @@ def _stored(store: str, of: Bin) -> float | None:
 
 
 # ------------------------------------------------------------------------------------ uncertainty
-def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table[str] | None:
-    """What the uncertainty of each mean is made of, and its 95 % intervals; None where neither
+def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table[str]:
+    """What the uncertainty of each mean is made of, and its 95 % intervals; empty where neither
     is known.
     """
     known, mean = found.budget, reduction.mean
@@ -279,8 +276,8 @@ Share = BudgetRow | None
 """A row of the budget; None for the repeatability."""
 
 
-def budget_table(reduction: Reduction, found: Uncertainty) -> Table[Share] | None:
-    """Which error contributes which share of the variance of each mean; None where no accuracy
+def budget_table(reduction: Reduction, found: Uncertainty) -> Table[Share]:
+    """Which error contributes which share of the variance of each mean; empty where no accuracy
     is known.
     """
     known, rig = found.budget, reduction.rig
@@ -325,8 +322,8 @@ def budget_table(reduction: Reduction, found: Uncertainty) -> Table[Share] | Non
 
 
 # --------------------------------------------------------------------------------------- findings
-def findings_table(run: Run, findings: Sequence[Finding]) -> Table[Finding] | None:
-    """What was found wrong with a log and what was done; None for a clean log."""
+def findings_table(run: Run, findings: Sequence[Finding]) -> Table[Finding]:
+    """What was found wrong with a log and what was done; empty for a clean log."""
     samples, zero = run.samples, clock_zero(run)
     columns: list[Column[Finding]] = [
         Column("finding", lambda f: f.kind),

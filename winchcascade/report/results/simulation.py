@@ -114,7 +114,7 @@ def _tiles(joule: Mapping[str, float]) -> list[Tile]:
     ]
 
 
-def _ledger_table(joule: Mapping[str, float]) -> Table[str] | None:
+def _ledger_table(joule: Mapping[str, float]) -> Table[str]:
     """Entries of the ledger with their shares in the energy of the line."""
     columns: list[Column[str]] = [
         Column("energy", str),
@@ -127,7 +127,7 @@ def _ledger_table(joule: Mapping[str, float]) -> Table[str] | None:
     )
 
 
-def _stages_table(found: Reduction) -> Table[tuple[str, Signal]] | None:
+def _stages_table(found: Reduction) -> Table[tuple[str, Signal]]:
     """Powers of the stages of a simulated log."""
     t = found.run.t
     columns: list[Column[tuple[str, Signal]]] = [

@@ -51,12 +51,12 @@ from winchcascade.report.results.diagnosis_parts import (
     first_points,
     made_from,
     minor_table,
-    note_of,
     numbers,
     residual,
     step_tile,
     verdict_tile,
 )
+from winchcascade.report.results.diagnosis_sentences import experiment_words
 from winchcascade.report.wording import banner
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def stage_report(found: StageDiagnosis, *, command: str = "") -> Report:
                 minor_table(found),
             ),
             section("energies", "Energies by phase", _energies_table(found)),
-            section("next", "Next run", note_of(words.experiment_words(found))),
+            section("next", "Next run", Note(experiment_words(found))),
             residual(found),
             _where(found, word),
             _how_far(found, word),
@@ -103,7 +103,7 @@ def stage_report(found: StageDiagnosis, *, command: str = "") -> Report:
     )
 
 
-def _others_table(found: StageDiagnosis) -> Table[EffectNumber] | None:
+def _others_table(found: StageDiagnosis) -> Table[EffectNumber]:
     """Numbers of the effects that were fitted and are not named."""
     named = {cause.effect for cause in (*found.causes, *found.candidates)}
     rows = [
@@ -133,7 +133,7 @@ class PhaseEnergy(NamedTuple):
     worst: float
 
 
-def _energies_table(found: StageDiagnosis) -> Table[PhaseEnergy] | None:
+def _energies_table(found: StageDiagnosis) -> Table[PhaseEnergy]:
     """Energies of the judged cycles by stage and phase: measured, and how far predictions
     deviate.
     """
@@ -237,11 +237,11 @@ def _how_far(found: StageDiagnosis, word: str) -> Section:
 def _tried(found: StageDiagnosis) -> Section:
     return section(
         "tried", "What was tried",
-        Note(words.not_needed_words(found), brief=False) if found.causes else None,
+        Note(words.not_needed_words(found), brief=False),
         table(
             "sets", "Sets of suspects by their probability.",
             [
-                Column("set", lambda names: call_all(names, found.suspects, " + ") or "none: no loss"),
+                Column("set", lambda names: call_all(names, found.suspects, " + ") or "none: no loss", named=True),
                 Column("probability", lambda names: probability_words(found.sets[names])),
                 Column("choice", lambda names: "chosen" if names == found.chosen else ""),
             ],

@@ -5,7 +5,9 @@ model error, the domain.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -19,6 +21,7 @@ from winchcascade.report.content import (
     Column,
     Measured,
     Note,
+    Picture,
     Report,
     Section,
     Span,
@@ -27,10 +30,22 @@ from winchcascade.report.content import (
     table,
 )
 from winchcascade.report.diagnosis_names import origins_of
-from winchcascade.report.glossary import short
+from winchcascade.report.figures.style import (
+    COLOURS,
+    Look,
+    draw_intervals,
+    label_panel,
+    legend_above,
+    line_entry,
+    panel_figure,
+)
+from winchcascade.report.glossary import metric, short, tex
 from winchcascade.report.results.common import data_note, provenance
 from winchcascade.report.results.judgement import judgement_banner, judgement_note
 from winchcascade.report.wording import banner
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FILED = ("power_gen", "eta_trans", "eta_gen", "eta_pto")
 """Quantities on the page; the JSON has every metric."""
@@ -62,13 +77,52 @@ TERMS: tuple[tuple[str, Cell], ...] = (
 )
 """Words of ASME V&V 20-2009."""
 
+BEFORE, AFTER = Look("mech", "-", "o"), Look("gen", "-", "s")
+"""Looks of the two simulations."""
+
 Which = Callable[[Validated], "Compared | None"]
 """One of the two simulations of a comparison."""
 
 
 def validation_section(found: ModelDiagnosis) -> Section:
     """The validation as a part of a diagnosis."""
-    return section("validation", "Validation (ASME V&V 20)", _table(found), folded=True)
+    rows = [row for row in found.validation if row.quantity in FILED]
+    picture = Picture(
+        "validation-errors",
+        "Comparison errors E with E +- 1.96 u_val, by run, before (hollow) and after (full).",
+        "Points with intervals about zero, one panel for each quantity; the values are in the table.",
+        partial(errors_figure, rows),
+    )
+    blocks = (picture, _table(rows)) if rows else ()
+    return section("validation", "Validation (ASME V&V 20)", *blocks, folded=True)
+
+
+def errors_figure(rows: Sequence[Validated]) -> Figure:
+    """Draw the comparison errors of each quantity with the intervals of the model error, run by
+    run: before hollow, after full.
+    """
+    from matplotlib.ticker import MaxNLocator
+
+    quantities = [name for name in FILED if any(row.quantity == name for row in rows)]
+    figure, axes = panel_figure(0.6 + 1.15 * len(quantities), len(quantities), share="x")
+    for ax, letter, name in zip(axes, "abcd", quantities, strict=False):
+        ax.axhline(0.0, color=COLOURS["ink"], lw=0.8, zorder=1)
+        for (side, which), look, shift in zip(
+            _sides().items(), (BEFORE, AFTER), (-0.12, 0.12), strict=True
+        ):
+            known = [(r.log + 1, one) for r in rows if r.quantity == name and (one := which(r))]
+            ends = [(one.error, one.low, one.high) for _, one in known]
+            full = [side == "after"] * len(known)
+            draw_intervals(ax, [run + shift for run, _ in known], ends, look, full)
+        label_panel(ax, letter, f"E of {tex(name)}", y=f"E ({metric(name).unit or 1})")
+        ax.grid(axis="x", visible=False)
+    axes[-1].xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes[-1].set_xlabel("Run, as in the table")
+    entries = [line_entry("before", BEFORE.colour, marker=BEFORE.mark, ms=4, mfc=COLOURS["paper"])]
+    if any(row.after for row in rows):
+        entries.append(line_entry("after", AFTER.colour, marker=AFTER.mark, ms=4))
+    legend_above(figure, entries)
+    return figure
 
 
 def validation_report(found: ModelDiagnosis, *, command: str = "") -> Report:
@@ -109,7 +163,7 @@ def _sides() -> dict[str, Which]:
     return {"before": lambda row: row.before, "after": lambda row: row.after}
 
 
-def _table(found: ModelDiagnosis) -> Table[Validated] | None:
+def _table(rows: Sequence[Validated]) -> Table[Validated]:
     """Comparison errors before and after with the intervals of the model error, by run and
     quantity.
     """
@@ -145,7 +199,6 @@ def _table(found: ModelDiagnosis) -> Table[Validated] | None:
                 of(which, lambda one: Span(one.low, one.high, one.u_val)),
             ),
         ]
-    rows = [row for row in found.validation if row.quantity in FILED]
     own = sum(row.after is not None and not row.held_out for row in rows)
     caption = (
         "Comparison errors with the 95 % interval of the model error; powers in W. After: by fits "

@@ -1,5 +1,5 @@
-"""Tables and figures of a report as files of their own, for papers: CSV with numbers in full,
-LaTeX and Markdown as shown.
+"""Files of a report: page and PDF; for papers its figures, and its tables as CSV with numbers in
+full, as LaTeX and as Markdown as shown.
 """
 
 from __future__ import annotations
@@ -11,16 +11,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from winchcascade.core.errors import OutputError
-from winchcascade.core.files import write_set
+from winchcascade.core.files import write_content, write_set
 from winchcascade.core.plain_text import cell_text
 from winchcascade.core.store import inside, make_one
 from winchcascade.core.version import GENERATOR
 from winchcascade.report.content import PROVENANCE, Report, Table
+from winchcascade.report.figures.style import drawn
 from winchcascade.report.glossary import RAISED, SUBSCRIPT, typeset
-from winchcascade.report.render.drawing import drawn
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+ENDINGS = (".html", ".pdf")
+"""Endings of the files of a report."""
 
 FIGURE_FORMATS = ("svg", "pdf", "png")
 """Files of a figure."""
@@ -198,3 +202,22 @@ def _line(cells: list[str]) -> str:
 
 def _escaped(text: str) -> str:
     return re.sub(r"([\\`*_{}\[\]<>|~#])", r"\\\1", text)
+
+
+def publish(
+    report: Report, *, html: Path | None = None, pdf: Path | None = None, force: bool = False
+) -> None:
+    """Write a report as a self-contained page, as a PDF, or both, each whole or not at all.
+
+    Raises
+    ------
+    OutputError : a file that cannot be written, or that this tool did not write and `force` does
+        not allow to replace
+    """
+    from winchcascade.report.render.page import page_text
+    from winchcascade.report.render.pdf import pdf_bytes
+
+    if html is not None:
+        write_content(html, page_text(report), force=force)
+    if pdf is not None:
+        write_content(pdf, pdf_bytes(report), force=force)
