@@ -207,9 +207,7 @@ def search(
     if np.max(np.abs(given.nu), initial=0.0) > NEAR_ZERO:
         marginal = marginal_about(problem, [], given.nu)
     null, expansion = expand(problem, marginal, (), {}, 1.0)
-    found = Found(
-        null, null, {(): null}, expansion, marginal, {(): Centre(null, expansion, marginal)}
-    )
+    found = Found(null, {(): null}, expansion, marginal, {(): Centre(null, expansion, marginal)})
     begin = found.centres[()]
     if start is not None and start.names:
         begin = found.about(start, ROUGHLY)

@@ -30,6 +30,8 @@ from winchcascade.rig.effects.run_order import lasting_heat
 from winchcascade.rig.parts import PARTS, Model, possible
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
     from winchcascade.diagnosis.fit.evidence import Fit
@@ -278,9 +280,11 @@ class Tested(msgspec.Struct, frozen=True):
             [float(np.mean(np.interp(np.log(loads), at, own))) for own in np.eye(at.size)]
             for loads in (one, other)
         ]
-        return 2.0 * self.u_load * float(np.linalg.norm(np.subtract(*weights)))
+        return (
+            2.0 * self.u_load * float(np.linalg.norm(np.array(weights[0]) - np.array(weights[1])))
+        )
 
-    def covers(self, speed: Signal, current: Signal, force: Signal) -> Signal:
+    def covers(self, speed: Signal, current: Signal, force: Signal) -> NDArray[np.bool_]:
         """Whether speeds [m/s], DC currents [A] and tensions [N], (n,) each, lie within what was
         tested or `NEAR` of it, (n,).
 

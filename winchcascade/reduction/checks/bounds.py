@@ -137,7 +137,8 @@ def _rises_of_square(log: PhasedLog, name: str) -> Signal:
     spans = [log.phased.rows(*span) for span in plateaus_of(log)]
     known = [(log.run.channels[name][rows], rows) for rows in spans if rows.stop > rows.start]
     rises = [float(x[-1] ** 2 - x[0] ** 2) for x, _ in known]
-    return np.array(rises) * log.run.fs / np.array([rows.stop - rows.start for _, rows in known])
+    rows = np.array([rows.stop - rows.start for _, rows in known])
+    return np.asarray(np.array(rises) * log.run.fs / rows)
 
 
 def _stated(log: PhasedLog, path: str, number: Quantity | None, other: float) -> float:

@@ -295,7 +295,7 @@ def _implausible_words(found: DiagnosisResult) -> list[str]:
     for rival in (rival for cause in found.causes for rival in cause.look_alikes):
         if rival.number is not None and rival.number.beyond_range:
             how = display_of(rival.effect, found.suspects[rival.effect].parameter)
-            value, _ = number_words(how, rival.number, otherwise=3)
+            value, _ = number_words(how, rival.number)
             name = called(rival.effect, found.suspects)
             said[rival.effect] = f"{name} would have to be {value}, beyond what is plausible"
     return list(said.values())
