@@ -468,7 +468,7 @@ def uncertainty(reduction: Reduction) -> Uncertainty:
     >>> from winchcascade.reduction.reduce import reduce
     >>> from winchcascade.ingest.read import read_run
     >>> round(uncertainty(reduce(read_run("fixtures/campaign/r36ohm.csv"), window=5.48)).standard.value("eta_trans"), 4)
-    0.0021
+    0.002
     """
     check_type("uncertainty", reduction, Reduction, "reduce(run)")
     known, mean = budget(reduction), reduction.mean
