@@ -7,6 +7,7 @@ from __future__ import annotations
 from datetime import UTC
 from functools import partial
 from itertools import product
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,7 +35,6 @@ from winchcascade.rig.simulate import simulate, write_log, write_simulated
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
-    from pathlib import Path
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
@@ -256,7 +256,7 @@ def write_predictions(
     written = []
     for side, log, write in predictions:
         (folder / side).mkdir(parents=True, exist_ok=True)
-        written.append(folder / side / f"{log.rpartition('.')[0] or log}.csv")
+        written.append(folder / side / f"{Path(log).stem}.csv")
         write(written[-1], force=force)
     return written
 
@@ -289,7 +289,7 @@ def _powers(found: StageDiagnosis) -> Iterator[Prediction]:
         for name in np.unique(names[of_stage]).tolist():
             here = np.flatnonzero(of_stage & (names == name))
             ordered = table[here[np.argsort(rows.t[here])]]
-            log = name if len(data.paths) == 1 else f"{name.rpartition('.')[0] or name}_{stage}.csv"
+            log = name if len(data.paths) == 1 else f"{Path(name).stem}_{stage}.csv"
             yield side, log, partial(_write_power, header, ordered)
 
 

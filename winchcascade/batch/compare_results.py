@@ -4,7 +4,6 @@ means of matched runs.
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from winchcascade.batch.log_settings import settings_of
@@ -12,8 +11,8 @@ from winchcascade.batch.results import load_results
 from winchcascade.comparison.compare_sides import compare_sides
 from winchcascade.comparison.compared_run import compared_run
 from winchcascade.comparison.comparison_result import ComparedSide, Comparison
-from winchcascade.core.arguments import FLAG, PATH, PROCESSES, check_arguments
-from winchcascade.core.errors import OptionError, check_type
+from winchcascade.core.arguments import FLAG, PROCESSES, Expected, check_arguments, is_path
+from winchcascade.core.errors import OptionError
 from winchcascade.ingest.read import read_by
 from winchcascade.reduction.campaign_record import CampaignReduction
 from winchcascade.reduction.reduce import reduce, require_payouts
@@ -22,6 +21,8 @@ from winchcascade.reduction.run_record import RunRecord, reduction_record
 
 Target = str | Path | Reduction | CampaignReduction
 """What a side may be: a path as on the command line, or a result."""
+
+SIDE = Expected("a path, or what reduce or open_campaign(...).reduce() gives", is_path)
 
 RESULTS = (".json", ".toml")
 """Endings of files that are no logs."""
@@ -61,18 +62,10 @@ def compared_side(target: Target, jobs: int = 1) -> ComparedSide:
     elif isinstance(target, CampaignReduction):
         name, records = target.summary.title, dict(target.records)
     else:
-        check_type(
-            "compare",
-            target,
-            (str, os.PathLike, Reduction, CampaignReduction),
-            "reduce or open_campaign(...).reduce()",
-        )
-        check_arguments("compare", ("side", target, PATH))
+        check_arguments("compare", ("side", target, SIDE))
         path = Path(target)
-        name, records = (
-            str(path),
-            dict(_log(path) if _is_log(path) else load_results(path, jobs=jobs).records),
-        )
+        found = _log(path) if _is_log(path) else load_results(path, jobs=jobs).records
+        name, records = str(path), dict(found)
     if not records:
         raise OptionError(
             f"{name}: has no reduced log; expected one at least. Look at the faults of its logs."

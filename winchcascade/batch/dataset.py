@@ -12,7 +12,7 @@ from typing import Any
 
 from winchcascade.core.cascade import Cascade
 from winchcascade.core.plain_text import cell_text
-from winchcascade.core.version import __version__, made_at
+from winchcascade.core.version import GENERATOR, __version__, made_at
 from winchcascade.reduction.run_record import RunRecord
 from winchcascade.report.frames import RUN_ENDS, Row, table_rows, table_schema
 
@@ -74,14 +74,14 @@ def write_workbook(folder: Path, path: Path) -> None:
             "strings_to_urls": False,
         },
     ) as book:
-        book.set_properties({"comments": f"winchcascade/{__version__}", "created": made_at()})
+        book.set_properties({"comments": GENERATOR, "created": made_at()})
         _runs(book, *_read(folder / "runs.parquet"))
         for table in TABLES[1:]:
             _sheet(book, table, *_read(folder / f"{table}.parquet"))
     with zipfile.ZipFile(
         path, "a"
     ) as archive:  # the mark can be read without unpacking the workbook
-        archive.comment = f"winchcascade/{__version__}".encode()
+        archive.comment = GENERATOR.encode()
 
 
 def _read(path: Path) -> tuple[list[str], Iterator[Row]]:

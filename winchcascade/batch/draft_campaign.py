@@ -33,6 +33,7 @@ FAULT_LENGTH = 160
 """Letters of the reason why a log cannot be read yet: `reduce` prints all of it."""
 
 _DATE = re.compile(r"(20\d\d)\D?(\d\d)\D?(\d\d)(?:\D{0,2}(\d\d)\D?(\d\d)(?:\D?(\d\d))?)?")
+_TIME = "%Y-%m-%dT%H:%M:%S"
 _HEAD = """\
 # Drafted by winchcascade init. Lines that start with # are guesses: check each, fill it in, and remove the #.
 title = {title}
@@ -74,15 +75,16 @@ def campaign_text(logs: Sequence[LogFacts], title: str, rig: str) -> str:
             for other in ordered
             if other is not log and other.top_current is not None
         ]
-        lines = ["[[run]]", f"file = {quoted(log.path.name)}"]
-        if log.fault:
-            lines.append(f"# not readable yet: {one_line(log.fault)[:FAULT_LENGTH]}")
-        lines += load_lines(log, named.get(log.path.name), max(others, default=None))
-        if log.started is not None:
-            lines.append(f"started = {datetime.fromtimestamp(log.started, UTC):%Y-%m-%dT%H:%M:%S}")
-        if log.simulated:
-            lines.append("measured = false")
-        blocks.append("\n".join(lines) + "\n")
+        started = log.started
+        lines = [
+            "[[run]]",
+            f"file = {quoted(log.path.name)}",
+            f"# not readable yet: {one_line(log.fault)[:FAULT_LENGTH]}" if log.fault else "",
+            load_line(log, named.get(log.path.name), max(others, default=None)),
+            "" if started is None else f"started = {datetime.fromtimestamp(started, UTC):{_TIME}}",
+            "measured = false" if log.simulated else "",
+        ]
+        blocks.append("\n".join(filter(None, lines)) + "\n")
     return "\n".join(blocks)
 
 
@@ -113,43 +115,36 @@ def in_order(logs: Sequence[LogFacts]) -> tuple[list[LogFacts], str]:
     )
 
 
-def load_lines(log: LogFacts, named: NamedLoad | None, other_current: float | None) -> list[str]:
-    """Line of the load of one run, as an entry or as a comment; none where nothing shows a load.
+def load_line(log: LogFacts, named: NamedLoad | None, other_current: float | None) -> str:
+    """Line of the load of one run, as an entry or as a comment; empty where nothing shows a load.
 
     Parameters
     ----------
     other_current : largest current among the other logs, None where they have none [A]
     """
     if log.load is not None:
-        return [_entry(log.load, log.load_source)]
+        return _entry(log.load, log.load_source)
     for column in log.columns:
-        resistance = (
-            column.unit is not None and column.unit.dimension == "resistance" and column.low > 0.0
-        )
-        if (
-            resistance
-            and column.high - column.low <= CONSTANT * column.high
-            and column.unit is not None
-        ):
-            return [_entry(column.unit.factor * column.high, f"column {column.name}")]
+        unit, width = column.unit, column.high - column.low
+        if unit is None or unit.dimension != "resistance" or column.low <= 0.0:
+            continue
+        if width <= CONSTANT * column.high:
+            return _entry(unit.factor * column.high, f"column {column.name}")
     idle = log.top_current is not None and log.top_current < NO_CURRENT * (other_current or 0.0)
     currents = (
         f"Idc stays at {log.top_current:.3g} A, and reaches {other_current:.3g} A in another log"
         if idle
         else ""
     )
-    if named is None:
-        if idle:
-            return [_entry(math.inf, currents)]
-        guess = "where the load is a resistor, state its nominal value"
-        return (
-            []
-            if log.ratio is None
-            else ["# " + _entry(float(f"{log.ratio:.3g}"), f"Vdc / Idc; {guess}")]
-        )
-    if not named.certain and not any(column.electrical for column in log.columns):
-        return []
-    return [_named_line(log, named, currents)]
+    if named is not None:
+        shown = named.certain or any(column.electrical for column in log.columns)
+        return _named_line(log, named, currents) if shown else ""
+    if idle:
+        return _entry(math.inf, currents)
+    if log.ratio is None:
+        return ""
+    guess = "Vdc / Idc; where the load is a resistor, state its nominal value"
+    return _entry(float(f"{log.ratio:.3g}"), guess, sure=False)
 
 
 def _named_line(log: LogFacts, named: NamedLoad, currents: str) -> str:
@@ -160,18 +155,19 @@ def _named_line(log: LogFacts, named: NamedLoad, currents: str) -> str:
     if math.isinf(named.ohm):
         carries = log.ratio is not None and not currents and log.ratio < 1e3
         against = f"but Vdc / Idc is {log.ratio:.4g} ohm" if carries else currents
-        return ("# " if carries else "") + _entry(
-            named.ohm, "; ".join(filter(None, (states, against)))
-        )
+        reason = "; ".join(filter(None, (states, against)))
+        return _entry(named.ohm, reason, sure=not carries)
     if currents:
-        return "# " + _entry(named.ohm, f"{states}, but {currents}: check which is right")
+        reason = f"{states}, but {currents}: check which is right"
+        return _entry(named.ohm, reason, sure=False)
     if log.ratio is None:
         unsure = "" if named.certain else "; no Vdc / Idc confirms it"
-        return ("" if named.certain else "# ") + _entry(named.ohm, states + unsure)
-    agrees = abs(log.ratio / named.ohm - 1.0) < AGREES
-    also = f"{'' if agrees else 'but '}Vdc / Idc is {log.ratio:.4g} ohm{'' if agrees else ': check which is right'}"
-    return ("" if agrees else "# ") + _entry(named.ohm, f"{states}; {also}")
+        return _entry(named.ohm, states + unsure, sure=named.certain)
+    shown = f"Vdc / Idc is {log.ratio:.4g} ohm"
+    if abs(log.ratio / named.ohm - 1.0) < AGREES:
+        return _entry(named.ohm, f"{states}; {shown}")
+    return _entry(named.ohm, f"{states}; but {shown}: check which is right", sure=False)
 
 
-def _entry(ohm: float, reason: str) -> str:
-    return f"load_ohm = {ohm:.12g}" + comment(reason)
+def _entry(ohm: float, reason: str, *, sure: bool = True) -> str:
+    return ("" if sure else "# ") + f"load_ohm = {ohm:.12g}" + comment(reason)

@@ -203,7 +203,7 @@ def _named(work: Sequence[Work]) -> list[Work]:
         str, tuple[Work, str]
     ] = {}  # of the same log with the same options the first one counts
     for item in work:
-        place = _place(item)
+        place = os.path.realpath(item.path)  # however it is spelled
         once.setdefault(
             place + _key(replace(item, path="")), (replace(item, key=_key(item)), place)
         )
@@ -247,14 +247,6 @@ def _digest(text: str) -> str:
     return digest_of(text.encode("utf-8", "replace"))[:8]
 
 
-def _place(work: Work) -> str:
-    """Where a log lies, however its path is spelled."""
-    try:
-        return os.path.realpath(work.path)
-    except ValueError:  # no path of this system
-        return work.path
-
-
 def _safe(name: str) -> str:
     """A file name without characters that some file systems reject."""
     name = (
@@ -270,13 +262,12 @@ def _key(work: Work) -> str:
     """Digest of everything that a result depends on besides the log's content: the options, the
     rig, this program.
     """
-    options = msgspec.structs.asdict(work.settings)
-    rig, sheet, _ = options.pop("rig"), options.pop("sheet"), options.pop("parts")
-    beside = [str(path) for path in options.pop("beside")]
-    said = (RESULTS, work.path, *options.values(), *([] if sheet is None else [sheet]), *beside)
+    options = msgspec.structs.asdict(replace(work.settings, parts=None))
+    rig = options.pop("rig")
+    stated = repr((RESULTS, __version__, work.path, options))
     # A rig holds a set, whose order differs from process to process.
     encoded = msgspec.json.encode(rig, order="deterministic")
-    return digest_of(repr(said).encode("utf-8", "replace") + encoded + __version__.encode())
+    return digest_of(stated.encode("utf-8", "replace") + encoded)
 
 
 def result_key(work: Work, digest: str) -> str:

@@ -9,7 +9,15 @@ from pathlib import Path
 import msgspec
 
 from winchcascade.core.files import is_marked
-from winchcascade.core.store import CAMPAIGN_RECORD, DIAGNOSIS_RECORD, INDEX, Kept, inside, kept
+from winchcascade.core.store import (
+    CAMPAIGN_RECORD,
+    DIAGNOSIS_RECORD,
+    INDEX,
+    LOG_FILES,
+    Kept,
+    inside,
+    kept,
+)
 from winchcascade.reduction.campaign_record import read_campaign
 
 
@@ -37,7 +45,7 @@ def write_index(folder: Path) -> Path | None:
     runs = folder / "runs"
     endings = [
         e
-        for e in ("html", "pdf", "json")
+        for e in LOG_FILES
         if all((runs / f"{run.name}.{e}").is_file() for run in campaign.reduced)
     ]
     diagnosis = None

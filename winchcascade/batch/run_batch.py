@@ -31,6 +31,7 @@ from winchcascade.core.store import (
     CAMPAIGN_RECORD,
     CAMPAIGN_WORKBOOK,
     INDEX,
+    LOG_FILES,
     Output,
     digest_of,
     fingerprint,
@@ -44,9 +45,6 @@ from winchcascade.core.store import (
 from winchcascade.core.version import __version__
 from winchcascade.reduction.campaign_record import CampaignRecord, campaign_json, read_campaign
 from winchcascade.reduction.run_record import read_results
-
-ENDINGS = ("html", "pdf", "json")
-"""Files of one log; a JSON means that the others are there."""
 
 REPORTS = {"none": (), "html": ("html",), "all": ("html", "pdf")}
 """Reports that are written, by the choice of `--reports`."""
@@ -127,7 +125,7 @@ def run_batch(
             faults[name] = outcome.fault or ""
             # One that cannot be read now may count again.
             if outcome.rejected and fingerprint(todo[name].path):
-                for ending in ENDINGS:
+                for ending in LOG_FILES:
                     (runs / f"{name}.{ending}").unlink(missing_ok=True)
         batch = Batch(
             folder=out,
@@ -155,7 +153,7 @@ def _check_own(out: Path, todo: Iterable[str], *, force: bool) -> None:
     results = [
         name
         for log in todo
-        for ending in ENDINGS
+        for ending in LOG_FILES
         if (name := f"{log}.{ending}").casefold() in there
     ]
     for path in [
@@ -171,7 +169,7 @@ def _write_result(runs: Path, name: str, made: Made) -> None:
     another result.
     """
     files = made.reports | {"json": made.record}
-    outdated = [runs / f"{name}.{ending}" for ending in ENDINGS if ending not in files]
+    outdated = [runs / f"{name}.{ending}" for ending in LOG_FILES if ending not in files]
     write_set(
         {runs / f"{name}.{ending}": content for ending, content in files.items()}, without=outdated
     )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from winchcascade.cli.help import GroupedCommand
+from winchcascade.cli.options import GroupedCommand
 from winchcascade.cli.outputs import show
 from winchcascade.report.render.terminal import line_width
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from winchcascade.cli.help import GroupedCommand
-from winchcascade.cli.options import OUTPUTS, option, with_options
+from winchcascade.cli.options import OUTPUTS, GroupedCommand, option, with_options
 from winchcascade.cli.outputs import NO_OUTPUTS, Outputs, present
 from winchcascade.cli.progress import Progress
 from winchcascade.core.jobs import Workers, one_thread_each, processes

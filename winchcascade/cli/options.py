@@ -9,13 +9,17 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from winchcascade.cli.outputs import Outputs
 from winchcascade.core.errors import OptionError
 from winchcascade.report.render.terminal import QUIET
+
+if TYPE_CHECKING:
+    from typer._click import Context, HelpFormatter
 
 INPUT, EVALUATION, OUTPUTS, OTHER = "Input", "Evaluation", "Outputs", "Other"
 """Groups of options in the help."""
@@ -267,6 +271,36 @@ def _parameter(name: str, kind: Any, default: object, own: Mapping[str, Any]) ->
     return inspect.Parameter(
         name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation
     )
+
+
+# ------------------------------------------------------------------------------------------- help
+LONGEST_SENTENCE = 1000
+"""Characters of a sentence that a list of commands shows: none is as long."""
+
+
+class GroupedCommand(TyperCommand):
+    """A command whose help lists its options in their groups, and which a list of commands
+    describes by its first sentence.
+    """
+
+    def get_short_help_str(self, limit: int = LONGEST_SENTENCE) -> str:
+        """The first sentence, whole."""
+        return super().get_short_help_str(max(limit, LONGEST_SENTENCE))
+
+    def format_options(self, ctx: Context, formatter: HelpFormatter) -> None:
+        """Write arguments and options with their helps, group by group."""
+        groups: dict[str, list[tuple[str, str]]] = {
+            name: [] for name in ("Arguments", INPUT, EVALUATION, OUTPUTS, OTHER)
+        }
+        for parameter in self.get_params(ctx):
+            row = parameter.get_help_record(ctx)
+            if row is not None:
+                other = "Arguments" if parameter.param_type_name == "argument" else OTHER
+                groups[getattr(parameter, "rich_help_panel", None) or other].append(row)
+        for name, rows in groups.items():
+            if rows:
+                with formatter.section(name):
+                    formatter.write_dl(rows)
 
 
 # ----------------------------------------------------------------------------------------- values

@@ -286,6 +286,11 @@ def check_held_out(
             )
 
 
+def is_same_file(one: Path, other: Path) -> bool:
+    """Whether two paths lead to one file; only those of the same name are followed."""
+    return one.name == other.name and realpath(one) == realpath(other)
+
+
 def campaign_beside(log: Path, sheet: str | None = None) -> tuple[Campaign, CampaignRun] | None:
     """The campaign in the folder of a log and its entry there, None if there is none or it does not
     list the log.
@@ -305,10 +310,7 @@ def campaign_beside(log: Path, sheet: str | None = None) -> tuple[Campaign, Camp
     listed = [
         run
         for run in campaign.runs
-        if any(
-            file.name == log.name and file.resolve() == log.resolve()
-            for file in (run.file, *run.beside)
-        )
+        if any(is_same_file(file, log) for file in (run.file, *run.beside))
     ]
     if sheet is not None:
         listed = [

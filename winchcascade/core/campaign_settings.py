@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from os.path import realpath
 from pathlib import Path
 
 import msgspec
 from msgspec.structs import replace
 
-from winchcascade.core.campaign_file import Campaign, CampaignRun, Cycles, Origin, campaign_beside
+from winchcascade.core.campaign_file import (
+    Campaign,
+    CampaignRun,
+    Cycles,
+    Origin,
+    campaign_beside,
+    is_same_file,
+)
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import first_named, read_columns, read_rig
 from winchcascade.core.run import Finding, Repairs
@@ -85,14 +91,12 @@ def settings_beside(
     settings = listed_settings(
         campaign, run, first_named(campaign.rig, read=read) if rig is None else rig
     )
-    if run.file.name != log.name or run.file.resolve() != log.resolve():
-        others = [file for file in run.beside if file.resolve() != log.resolve()]
+    if not is_same_file(run.file, log):
+        others = [file for file in run.beside if not is_same_file(file, log)]
         settings = replace(settings, beside=(run.file, *others), sheet=None)
-    file = realpath(run.file)
-    alike = [
-        one for one in campaign.runs if one.file.name == run.file.name and one.sheet == run.sheet
-    ]
-    times = sum(realpath(one.file) == file for one in alike)
+    times = sum(
+        one.sheet == run.sheet and is_same_file(one.file, run.file) for one in campaign.runs
+    )
     if times == 1:
         return settings
     message = (

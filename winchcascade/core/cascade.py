@@ -86,11 +86,7 @@ class Power(msgspec.Struct, frozen=True):
     def text(self) -> str:
         """The power as a rig file writes it."""
         signed = "".join(f" {'-' if term.constant < 0 else '+'} {term.text}" for term in self.terms)
-        return (
-            signed.removeprefix(" + ")
-            if signed.startswith(" +")
-            else "-" + signed.removeprefix(" - ")
-        )
+        return ("" if signed.startswith(" +") else "-") + signed[len(" + ") :]
 
     def known(self, channels: Collection[str], r_drum: float | None) -> bool:
         """Whether log and rig have what the power needs."""

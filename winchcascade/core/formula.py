@@ -82,25 +82,15 @@ Terms = tuple[Product, ...]
 """A sum of products."""
 
 
-class _Reader:
-    """Reads the text of a formula from its begin on."""
+class _Reader(msgspec.Struct):
+    """Reads the text of a formula from its begin on; `end` is where the rest begins."""
 
-    def __init__(
-        self,
-        text: str,
-        known: Collection[str],
-        place: str,
-        fault: type[WinchcascadeError],
-        unit_of: Callable[[str], Unit | None],
-    ) -> None:
-        self.text, self.known, self.place, self.fault, self.unit_of, self.end = (
-            text,
-            known,
-            place,
-            fault,
-            unit_of,
-            0,
-        )
+    text: str
+    known: Collection[str]
+    place: str
+    fault: type[WinchcascadeError]
+    unit_of: Callable[[str], Unit | None]
+    end: int = 0
 
     def reject(self) -> NoReturn:
         """Reject what cannot be read on."""

@@ -10,9 +10,8 @@ from typing import Annotated, Any, Literal, get_args
 import msgspec
 from msgspec import Meta
 
-from winchcascade.core.number_types import NotNegative, Positive, ShareOfAll
 from winchcascade.core.quantity import Quantity
-from winchcascade.core.toml_file import struct_fields
+from winchcascade.core.toml_file import NotNegative, Positive, ShareOfAll, struct_fields
 
 
 class Measure(msgspec.Struct, frozen=True):

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from winchcascade.core.version import __version__
+from winchcascade.core.version import GENERATOR
 
 HEADER_BYTES = 116
 """Length of the text at the beginning of a MATLAB file. [bytes]"""
@@ -21,9 +21,7 @@ def matlab_bytes(name: str, record: dict[str, Any]) -> bytes:
 
     file: Any = io.BytesIO()
     savemat(file, {name: _matlab(record)}, oned_as="column", long_field_names=True)
-    header = f"MATLAB 5.0 MAT-file, written by winchcascade/{__version__}".encode().ljust(
-        HEADER_BYTES
-    )
+    header = f"MATLAB 5.0 MAT-file, written by {GENERATOR}".encode().ljust(HEADER_BYTES)
     content: bytes = file.getvalue()
     return header + content[HEADER_BYTES:]
 

@@ -9,7 +9,7 @@ import msgspec
 from msgspec import Meta
 
 from winchcascade.core.campaign_file import Ranges, check_ranges
-from winchcascade.core.number_types import Positive, ShareOfAll
+from winchcascade.core.toml_file import Positive, ShareOfAll
 
 PhaseSource = Literal[
     "velocity", "displacement", "speed", "column", "ranges", "waves", "steps", "rows", "whole"

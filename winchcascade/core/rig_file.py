@@ -26,10 +26,17 @@ from winchcascade.core.machine_parts import (
     Winch,
     measures,
 )
-from winchcascade.core.number_types import Finite, NotNegative, Positive, Share, ShareOfAll
 from winchcascade.core.phase_rule import PhaseRule
 from winchcascade.core.quantity import Quantity
-from winchcascade.core.toml_file import convert, struct_fields
+from winchcascade.core.toml_file import (
+    Finite,
+    NotNegative,
+    Positive,
+    Share,
+    ShareOfAll,
+    convert,
+    struct_fields,
+)
 
 _Coverage = Annotated[float, Meta(ge=1.0, le=10.0)]
 

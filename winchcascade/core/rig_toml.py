@@ -19,7 +19,6 @@ from winchcascade.core.cascade import read_cascade
 from winchcascade.core.channels import CHANNELS, Channel
 from winchcascade.core.errors import RigError, check_type
 from winchcascade.core.machine_parts import Generator, Measure, Restoring, measures
-from winchcascade.core.number_types import Finite, NotNegative, Positive
 from winchcascade.core.quantity import Calibrated, Quantity, Unit, find_unit, read_as
 from winchcascade.core.rig_file import (
     PARTS,
@@ -31,7 +30,17 @@ from winchcascade.core.rig_file import (
     StatedLaw,
     Thresholds,
 )
-from winchcascade.core.toml_file import Table, check_keys, convert, read_toml, shown, toml_values
+from winchcascade.core.toml_file import (
+    Finite,
+    NotNegative,
+    Positive,
+    Table,
+    check_keys,
+    convert,
+    read_toml,
+    shown,
+    toml_values,
+)
 
 BUILT_IN = ("hsu2026", "kitepower")
 DEFAULT_RIG = "hsu2026"

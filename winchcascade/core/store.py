@@ -29,6 +29,9 @@ CAMPAIGN_RECORD, CAMPAIGN_PAGE, CAMPAIGN_WORKBOOK = (
 CAMPAIGN_FILES = (CAMPAIGN_RECORD, CAMPAIGN_PAGE, "campaign.pdf", CAMPAIGN_WORKBOOK)
 """Files of a whole campaign, beside its dataset."""
 
+LOG_FILES = ("html", "pdf", "json")
+"""Endings of the files of one log; a JSON means that the others are there."""
+
 DIAGNOSIS_RECORD = "diagnosis.json"
 """Record of the diagnosis of a campaign; it states how the other files were made, and is written
 last.

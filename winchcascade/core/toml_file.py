@@ -10,13 +10,20 @@ from collections.abc import Collection
 from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal, get_args, get_origin
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 import msgspec
+from msgspec import Meta
 
 from winchcascade.core.errors import WinchcascadeError
 
 Table = dict[str, object]
+
+NotNegative = Annotated[float, Meta(ge=0.0, le=1e15)]
+Positive = Annotated[float, Meta(gt=0.0, le=1e15)]
+ShareOfAll = Annotated[float, Meta(gt=0.0, le=1.0)]
+Finite = Annotated[float, Meta(ge=-1e15, le=1e15)]
+Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 
 _KINDS = {
     "float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "array": "a list",
