@@ -155,7 +155,7 @@ def test_a_check_states_the_means_of_the_pages(name: str) -> None:
     results = [measured(made.records[log], log, table)[0] for log in logs]
     known = means(made)
     report = check_report(check(results, table))
-    found = {(row["log"], row["cell"]): row["found"] for row in rows(report, "cells")}
+    found = {(row["log"], row["cell"]): row["found"] for row in rows(report, "agreeing")}
     assert len(found) == 2 * len(columns)
     for log in logs:
         for m in columns:
