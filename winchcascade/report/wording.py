@@ -34,6 +34,16 @@ _SPANS = {"steps": "step", "rows": "row", "ranges": "range", "whole": "record"}
 """What a cycle is called whose whole span counts, by the source of the cycles."""
 
 
+def at_most(texts: Sequence[str], limit: int, rest: str) -> list[str]:
+    """Texts up to a limit, and one in place of those beyond it: `rest` with their number.
+
+    >>> at_most(["a", "b", "c"], 2, "{} more"), at_most(["a"], 2, "{} more")
+    (['a', 'b', '1 more'], ['a'])
+    """
+    beyond = len(texts) - limit
+    return [*texts[:limit], *([rest.format(beyond)] if beyond > 0 else [])]
+
+
 def origin_words(origins: Sequence[Origin]) -> str:
     """State of one or several logs whether they are measured, and where they come from.
 

@@ -107,15 +107,8 @@ def csv_text(frame: pd.DataFrame) -> str:
     >>> csv_text(pd.DataFrame({"a": ["=1+1", "b"], "n": [-1.5, 2.0]}))
     "a,n\\n'=1+1,-1.5\\nb,2.0\\n"
     """
-    return str(
-        frame.map(_spreadsheet_cell)
-        .rename(columns=cell_text)
-        .to_csv(index=False, lineterminator="\n")
-    )
-
-
-def _spreadsheet_cell(cell: object) -> object:
-    return cell_text(cell) if isinstance(cell, str) else cell
+    safe = frame.map(lambda cell: cell_text(cell) if isinstance(cell, str) else cell)
+    return str(safe.rename(columns=cell_text).to_csv(index=False, lineterminator="\n"))
 
 
 def _shown_frame(table: Table[Any]) -> pd.DataFrame:
@@ -178,26 +171,10 @@ def markdown_text(table: Table[Any]) -> str:
     frame = _shown_frame(table)
     escaped = [[_escaped(cell) for cell in row] for row in (frame.columns, *frame.to_numpy())]
     rules = [":--" if left else "--:" for left in table.left]
-    lines = [
-        f"**Table.** {_escaped(typeset(table.caption))}",
-        "",
-        *(_line(row) for row in (escaped[0], rules, *escaped[1:])),
-    ]
-    return (
-        "\n".join(
-            [
-                *lines,
-                *(["", _escaped(typeset(table.note))] if table.note else []),
-                "",
-                f"<!-- {GENERATOR} -->",
-            ]
-        )
-        + "\n"
-    )
-
-
-def _line(cells: list[str]) -> str:
-    return f"| {' | '.join(cells)} |"
+    rows = "\n".join(f"| {' | '.join(row)} |" for row in (escaped[0], rules, *escaped[1:]))
+    note = f"\n\n{_escaped(typeset(table.note))}" if table.note else ""
+    caption = _escaped(typeset(table.caption))
+    return f"**Table.** {caption}\n\n{rows}{note}\n\n<!-- {GENERATOR} -->\n"
 
 
 def _escaped(text: str) -> str:

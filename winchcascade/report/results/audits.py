@@ -37,7 +37,7 @@ from winchcascade.report.figures.style import (
 )
 from winchcascade.report.glossary import tex, upper
 from winchcascade.report.results.common import PRINTED, provenance, table_rows
-from winchcascade.report.wording import load_words
+from winchcascade.report.wording import at_most, load_words
 from winchcascade.rig.effects.effect import Parameter
 from winchcascade.tables.attainable import Ability, AttainableRanges, SuspectResult, Values
 from winchcascade.tables.audit import Audit, Contradiction, RecoveredWindow, percent
@@ -172,12 +172,7 @@ def _points(audit: Audit) -> list[Note]:
         "Compared": f"{audit.compared} cells in {len(audited.rows)} rows"
         if not audited.by_load
         else "",
-        "No numbers": "; ".join(
-            (
-                *audited.unread[:MAX_UNREAD],
-                *(["and more"] if len(audited.unread) > MAX_UNREAD else []),
-            )
-        ),
+        "No numbers": "; ".join(at_most(audited.unread, MAX_UNREAD, "{} more")),
         "Derived": ", ".join(
             f"{use.law} (cells are empty)" for use in audit.uses if use.status == "derived"
         ),

@@ -65,7 +65,7 @@ from winchcascade.report.results.campaign_tables import (
 )
 from winchcascade.report.results.common import data_note, model_section, provenance
 from winchcascade.report.results.waves import campaign_waves_section, wave_tiles
-from winchcascade.report.wording import banner, load_words, origin_words
+from winchcascade.report.wording import at_most, banner, load_words, origin_words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -77,6 +77,9 @@ MAX_RESULTS_TEXT = 800
 
 MAX_FAULTS = 10
 """Logs that could not be used which the first screen names; a table holds all."""
+
+MORE = "{} more, all in campaign.json"
+"""What stands in place of those beyond it."""
 
 NAMED_LOGS = 3
 """Logs with findings that a sentence names."""
@@ -310,17 +313,13 @@ def _between(campaign: CampaignRecord) -> list[Note]:
         f"{name}: {found.kind.replace('_', ' ')}: {found.message}; {found.action}"
         for name, found in campaign.between
     ]
-    return [Note(one_line(text), "Apart", "warn") for text in _at_most(texts)]
+    return [Note(one_line(text), "Apart", "warn") for text in at_most(texts, MAX_FAULTS, MORE)]
 
 
 def fault_notes(failed: Sequence[FailedLog]) -> list[Note]:
     """Logs that could not be reduced, and why."""
-    return [Note(text, "Failed", "warn") for text in _at_most([named_fault(run) for run in failed])]
-
-
-def _at_most(texts: Sequence[str]) -> list[str]:
-    more = len(texts) - MAX_FAULTS
-    return [*texts[:MAX_FAULTS], *([f"{more} more, all in campaign.json"] if more > 0 else [])]
+    faults = at_most([named_fault(run) for run in failed], MAX_FAULTS, MORE)
+    return [Note(text, "Failed", "warn") for text in faults]
 
 
 def named_fault(run: FailedLog) -> str:

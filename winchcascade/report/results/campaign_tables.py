@@ -77,11 +77,9 @@ def uncertainty_column(name: str) -> LogColumn:
 
 def interval_column(name: str) -> LogColumn:
     """Interval of 95 % of the mean of a metric."""
+    term = metric(name)
     return Column(
-        f"95 % of {short(name)}",
-        lambda run: interval(run, name),
-        metric(name).unit,
-        metric(name).decimals,
+        f"95 % of {short(name)}", lambda run: interval(run, name), term.unit, term.decimals
     )
 
 

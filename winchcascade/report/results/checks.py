@@ -30,7 +30,7 @@ from winchcascade.report.content import (
 from winchcascade.report.glossary import short, upper
 from winchcascade.report.results.audit_record import load_record, picked, table_record
 from winchcascade.report.results.common import PRINTED, data_note, provenance, table_rows
-from winchcascade.report.wording import banner, origin_words
+from winchcascade.report.wording import at_most, banner, origin_words
 from winchcascade.tables.check import CellCheck, Check
 from winchcascade.tables.published_table import TableRow
 
@@ -343,17 +343,9 @@ def _findings(check: Check, row: TableRow) -> str:
     of them.
     """
     found = next((found for of, found in check.findings if of.number == row.number), ())
-    more = (
-        [f"... {len(found) - MAX_FINDINGS} more, all in --json"]
-        if len(found) > MAX_FINDINGS
-        else []
-    )
-    lines = [
-        f"findings in this log: {len(found)}",
-        *(f"! {one_line(text)}" for text in found[:MAX_FINDINGS]),
-        *more,
-    ]
-    return "\n".join(lines) if found else ""
+    texts = [f"! {one_line(text)}" for text in found]
+    listed = at_most(texts, MAX_FINDINGS, "... {} more, all in --json")
+    return "\n".join([f"findings in this log: {len(found)}", *listed]) if found else ""
 
 
 def _message(text: str) -> str:

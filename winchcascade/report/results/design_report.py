@@ -12,8 +12,10 @@ import numpy as np
 
 from winchcascade.core.version import __version__
 from winchcascade.design.design import LIMITED, METRIC, Design, OperatingPoint, Repair, Scheduled
+from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.report.content import (
     Column,
+    Measured,
     Note,
     Picture,
     Report,
@@ -248,6 +250,15 @@ def _map_table(found: Design) -> Any:
     return table("map", caption, columns, found.rows, brief=False)
 
 
+def net_worth(one: Repair) -> Measured:
+    """Energy that a repair delivers more and takes less from the line, together, with the digits
+    that the largest uncertainty of this sum allows. [J a cycle]
+    """
+    bands = one.per_cycle, one.saved
+    u = sum(0.5 * (band.high - band.low) / COVERED for band in bands)
+    return Measured(sum(band.value for band in bands), u, signed=True)
+
+
 def _repairs_section(found: Design) -> Section:
     """What each repair is worth."""
     yearly = any(one.per_year is not None for one in found.repairs)
@@ -258,12 +269,13 @@ def _repairs_section(found: Design) -> Section:
         *([Column("a year", lambda one: None if one.per_year is None else band_cell(one.per_year), "kWh")]
           if yearly else []),
         Column("saved of the line", lambda one: band_cell(one.saved), "J a cycle"),
+        Column("net", net_worth, "J a cycle"),
         Column("domain", lambda one: "covered" if one.within_domain else "not covered"),
     ]  # fmt: skip
     caption = (
         f"At {shown(found.repaired_at)} ohm without each effect: energy delivered more, and taken "
         f"less from the line; "
-        "negative: the reverse."
+        "negative: the reverse; net: both together."
     )
     return section(
         "repairs", "Worth of a repair", table("repairs", caption, columns, found.repairs)

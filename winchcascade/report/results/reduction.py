@@ -58,6 +58,7 @@ from winchcascade.report.results.reduction_tables import (
 )
 from winchcascade.report.results.waves import wave_section, wave_tiles
 from winchcascade.report.wording import (
+    at_most,
     banner,
     calibration,
     decisive,
@@ -351,10 +352,8 @@ def _evidence_sections(reduction: Reduction) -> list[Section]:
 def _net_notes(reduction: Reduction) -> list[Note]:
     """Why cycles have no net energies."""
     reasons = net_reasons(reduction.cycles) if reduction.rig.cascade.net_ratios else []
-    more = (
-        [f"{len(reasons) - LISTED_REASONS} more reasons"] if len(reasons) > LISTED_REASONS else []
-    )
-    return [Note(f"{reason}.", "No net energy") for reason in (*reasons[:LISTED_REASONS], *more)]
+    listed = at_most(reasons, LISTED_REASONS, "{} more reasons")
+    return [Note(f"{reason}.", "No net energy") for reason in listed]
 
 
 def _sources(reduction: Reduction) -> list[tuple[str, str | None]]:
