@@ -72,8 +72,9 @@ def _is_data(row: Row) -> bool:
     and one is a number.
     """
     full = [cell for cell in row if cell]
-    values = sum(map(is_value, full)) if len(full) >= 2 else 0
-    return values > 0 and values >= DATA_SHARE * len(full) and any(map(looks_like_a_number, full))
+    numbers = sum(map(looks_like_a_number, full)) if len(full) >= 2 else 0
+    enough = DATA_SHARE * len(full)
+    return numbers > 0 and (numbers >= enough or sum(map(is_value, full)) >= enough)
 
 
 def _usual_width(rows: Sequence[Row]) -> int:

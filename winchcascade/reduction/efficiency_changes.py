@@ -114,8 +114,11 @@ def largest_change(
         t = np.maximum(np.abs(change) - allowed, 0.0) / np.sqrt(
             (PRIOR * repeats**2 + within) / freedom * spread
         )
-        best = int(t.argmax())
-        if not t[best] or probability(float(t[best]), freedom) * change.size * metrics > ALPHA:
+        best, allowed_chance = int(t.argmax()), ALPHA / (change.size * metrics)
+        # The tails of Student's t are above those of the normal distribution, which need no import.
+        if math.erfc(float(t[best]) / math.sqrt(2.0)) > allowed_chance:
+            return
+        if probability(float(t[best]), freedom) > allowed_chance:
             return
     # Cycles of the smaller part; of a drift half.
     apart = min(int(masks[best].sum()), n - int(masks[best].sum())) or 0.5 * n

@@ -134,11 +134,13 @@ def power_of_shaft(log: PhasedLog) -> Bound | None:
 def _rises_of_square(log: PhasedLog, name: str) -> Signal:
     """Mean rate at which the square of a channel rises over each plateau, (k,). [unit squared per
     second]"""
-    spans = [log.phased.rows(*span) for span in plateaus_of(log)]
-    known = [(log.run.channels[name][rows], rows) for rows in spans if rows.stop > rows.start]
-    rises = [float(x[-1] ** 2 - x[0] ** 2) for x, _ in known]
-    rows = np.array([rows.stop - rows.start for _, rows in known])
-    return np.asarray(np.array(rises) * log.run.fs / rows)
+    x, spans = log.run.channels[name], [log.phased.rows(*span) for span in plateaus_of(log)]
+    rates = [
+        (x[rows][-1] ** 2 - x[rows][0] ** 2) * log.run.fs / (rows.stop - rows.start)
+        for rows in spans
+        if rows.stop > rows.start
+    ]
+    return np.array(rates)
 
 
 def _stated(log: PhasedLog, path: str, number: Quantity | None, other: float) -> float:
