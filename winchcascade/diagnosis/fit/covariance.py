@@ -137,7 +137,7 @@ def predictive_covariance(data: Fitted, found: Found, fit: Fit | None = None) ->
     fit = fit or found.best
     known, share = _known_and_found(data, found, fit)
     excess = np.concatenate([np.zeros(fit.x.size), 1.0 - share])
-    return joint_covariance(found, fit) - (known * excess) @ known
+    return np.asarray(joint_covariance(found, fit) - (known * excess) @ known)
 
 
 def voltage_of_a_load(data: Fitted, found: Found) -> float:
