@@ -96,9 +96,8 @@ def read_hydrodynamics(path: Path) -> Hydrodynamics:
                     _bemio(file) if "simulation_parameters" in file else _capytaine(_of_hdf5(file))
                 )
     except (KeyError, ValueError, OSError, IndexError) as fault:
-        found_there = f"has no {fault}" if isinstance(fault, KeyError) else f"{fault}"
         raise OptionError(
-            f"--float {path}: {found_there}; expected coefficients of a body in heave by Capytaine "
+            f"--float {path}: a part is missing or wrong ({fault}); expected coefficients of a body in heave by Capytaine "
             f"(NetCDF) or BEMIO (HDF5)."
         ) from None
     order = np.argsort(found.omega)
