@@ -246,7 +246,8 @@ class CorrectedRig:
         """
         speed = np.repeat([path.speed for path in paths], found.shape[1])
         current, force = (found[:, :, PLACE[name]].ravel() for name in ("i_dc_a", "force_n"))
-        return np.asarray(self.tested.covers(speed, current, force)).reshape(found.shape[:2])
+        covered = self.tested.covers(speed, current, force)
+        return np.asarray(covered, dtype=np.bool_).reshape(found.shape[:2])
 
     def worth(self, name: str, shares: Sequence[Share], load: float) -> Repair:
         """What a repair brings over some motions at a load; nothing by an explanation without the

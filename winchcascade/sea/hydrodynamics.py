@@ -97,8 +97,8 @@ def read_hydrodynamics(path: Path) -> Hydrodynamics:
                 )
     except (KeyError, ValueError, OSError, IndexError) as fault:
         raise OptionError(
-            f"--float {path}: {fault}; expected coefficients of a body in heave by Capytaine "
-            f"(NetCDF) or BEMIO (HDF5)."
+            f"--float {path}: a part is missing or wrong ({fault}); expected coefficients of a body "
+            f"in heave by Capytaine (NetCDF) or BEMIO (HDF5)."
         ) from None
     order = np.argsort(found.omega)
     kept = order[np.isfinite(found.omega[order]) & (found.omega[order] > 0.0)]

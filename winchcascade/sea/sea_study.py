@@ -336,7 +336,7 @@ def _searched(rig: Rig, seas: Seas, load: float, periods: float) -> tuple[float,
         raise OptionError(f"{rig.tested.title}: no run has a load; name one by --load OHM.")
     tried = np.geomspace(min(loads), max(loads), CANDIDATES if len(loads) > 1 else 1)
     power = np.array(all_at_once([partial(_powers, rig, seas, k, tried, periods) for k in numbers]))
-    usable = np.asarray((power > -math.inf).any(axis=1))
+    usable = np.any(power > -math.inf, axis=1)
     best = [
         largest_at(tried, own) if ok else math.nan for own, ok in zip(power, usable, strict=True)
     ]

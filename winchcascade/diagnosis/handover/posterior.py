@@ -276,13 +276,11 @@ class Tested(msgspec.Struct, frozen=True):
         one, other : load of each power, or loads of its schedule, which count alike [ohm]
         """
         at = np.log(self.loads)
-        weights = [
-            [float(np.mean(np.interp(np.log(loads), at, own))) for own in np.eye(at.size)]
+        shares = [
+            np.mean([np.interp(np.log(loads), at, own) for own in np.eye(at.size)], axis=1)
             for loads in (one, other)
         ]
-        return (
-            2.0 * self.u_load * float(np.linalg.norm(np.array(weights[0]) - np.array(weights[1])))
-        )
+        return 2.0 * self.u_load * float(np.linalg.norm(shares[0] - shares[1]))
 
     def covers(self, speed: Signal, current: Signal, force: Signal) -> NDArray[np.bool_]:
         """Whether speeds [m/s], DC currents [A] and tensions [N], (n,) each, lie within what was

@@ -41,6 +41,12 @@ SMALL = 0.005
 LOSSES = ("mech", "load4", "load1", "extra", "load6", "load3", "line", "soft", "load2", "load5")
 """Colours of the losses."""
 
+DELIVERED = 0.6
+"""Opacity of what is delivered, which is no loss. [1]"""
+
+HEADROOM = 0.15
+"""Share of an axis above the largest value, so that a point is drawn whole. [1]"""
+
 MAX_LABELS = 12
 """Number of seas up to which each is named below its axis."""
 
@@ -127,10 +133,11 @@ def losses_figure(found: SeaStudy) -> Figure:
             0.8,
             bottom=base,
             color=COLOURS[colour],
-            alpha=1.0 if k else 0.6,
+            alpha=1.0 if k else DELIVERED,
         )
         base = base + 100.0 * own
-        entries.append(line_entry("delivered" if k == 0 else LEDGER[name].group, colour, lw=4))
+        words = LEDGER[name].group if k else "delivered"
+        entries.append(line_entry(words, colour, lw=4, alpha=1.0 if k else DELIVERED))
     axes.set(ylabel="Share of net line power (%)")
     _name_seas(axes, rows)
     legend_above(figure, entries)
@@ -169,6 +176,7 @@ def peaks_figure(found: SeaStudy) -> Figure:
     """
     rows = [row for row in found.rows if not row.reason]
     figure, panels = panel_figure(3.6, 2, 2)
+    drawn = {name: limit for name, limit in found.limits.items() if found.seas.froude == 1.0}
     for axes, letter, (name, quantity) in zip(panels, "abcd", PEAKS.items(), strict=True):
         _bars(
             axes,
@@ -176,11 +184,14 @@ def peaks_figure(found: SeaStudy) -> Figure:
             [row.values[quantity] for row in rows],
             [not row.covered() for row in rows],
         )
-        if name in found.limits and found.seas.froude == 1.0:
-            axes.axhline(found.limits[name], color=COLOURS["repaired"], lw=1.0)
+        if name in drawn:
+            axes.axhline(drawn[name], color=COLOURS["repaired"], lw=1.0)
+        axes.set_ymargin(HEADROOM)
         label_panel(axes, letter, PEAK_TITLES[quantity], unit=QUANTITIES[quantity])
         from_zero(axes)
         _name_seas(axes, rows)
+    if drawn:
+        legend_above(figure, [line_entry("limit", "repaired")])
     return figure
 
 

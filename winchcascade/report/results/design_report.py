@@ -313,7 +313,8 @@ def schedule_figure(found: Design) -> Figure | None:
         line_entry(f"most {name}", colour, marker=mark, ms=4)
         for name, (colour, mark) in LOOKS.items()
     ]
-    legend_above(figure, [*most, _outside_entry()])
+    outside = [] if all(one.within_domain for one in known) else [_outside_entry()]
+    legend_above(figure, [*most, *outside])
     return figure
 
 
