@@ -317,6 +317,7 @@ class TableProblem:
         several: Sequence[Sequence[ActiveEffect]],
         _nu: Signal,
         _near: Sequence[ActiveEffect] | None = None,
+        _serves: float = 0.0,
     ) -> Signal:
         """Printed minus simulated efficiencies in standard uncertainties with each of several
         lists of effects, (n, k).
@@ -327,7 +328,9 @@ class TableProblem:
         """No suspect is less probable than another."""
         return 0.0
 
-    def nuisance_columns(self, _effects: Sequence[ActiveEffect], _nu: Signal) -> Columns:
+    def nuisance_columns(
+        self, _effects: Sequence[ActiveEffect], _nu: Signal, _serves: float
+    ) -> Columns:
         """No nuisance: the standard uncertainties hold the tolerances of the rig."""
         from scipy.sparse import csr_array
 
