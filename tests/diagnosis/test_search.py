@@ -16,7 +16,6 @@ from scipy.integrate import quad
 from scipy.sparse import csr_array
 
 from winchcascade.core.run import Signal
-from winchcascade.diagnosis.diagnose import diagnose, judged
 from winchcascade.diagnosis.fit.covariance import square_beyond
 from winchcascade.diagnosis.fit.evidence import Evidence, log_mass, minimum_within
 from winchcascade.diagnosis.fit.expansion import marginal_about
@@ -26,7 +25,6 @@ from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.rig_problem import RigProblem
 from winchcascade.diagnosis.fit.search import Found, gone_on, search
 from winchcascade.diagnosis.fit.suspects import Suspects, freedom
-from winchcascade.diagnosis.judge.alarms import improbable
 from winchcascade.diagnosis.judge.causes import Posterior, parameters_of, posterior_of
 from winchcascade.diagnosis.judge.closure import HeldOut, close, judging
 from winchcascade.diagnosis.judge.conclusion import predicting_best
@@ -205,23 +203,6 @@ def test_a_log_is_held_out_as_a_fit_without_it_does() -> None:
         assert foreseen.x[0] == pytest.approx(
             fit.x[0], abs=ONE_STEP / math.sqrt(float(fit.curve[0, 0]))
         )
-
-
-@pytest.mark.slow
-def test_no_verdict_is_explained_with_a_cause_that_is_likely_another() -> None:
-    found = diagnose(campaign({"copper_heating": {"r_s_change": 0.35}}), calibrated_rig(), EFFECTS)
-    assert found.verdict == "explained"
-    causes = tuple(msgspec.structs.replace(one, probability=0.3) for one in found.causes)
-    doubted = judged(msgspec.structs.replace(found, causes=causes), lambda _: None)
-    assert doubted.verdict == "partly_explained"
-    assert doubted.remainder is not None
-    assert [(alarm.kind, alarm.size, alarm.limit) for alarm in doubted.remainder.alarms] == [
-        ("improbable", 0.7, 0.5)
-    ]
-    assert all(one.size <= one.limit for one in improbable(found.causes))
-    assert len(found.singles) == 3
-    assert found.singles[0].effect in {"copper_heating", "diode_drop"}
-    assert found.singles[0].closure > 0.9
 
 
 # ------------------------------------------------------------------------------ priors and bounds

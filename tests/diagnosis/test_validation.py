@@ -110,7 +110,9 @@ GAIN = 0.06
 def test_an_error_of_a_sensor_belongs_to_the_data_and_not_to_the_model(
     misread: ModelDiagnosis,
 ) -> None:
-    assert [one.effect for one in misread.causes] == ["torque_gain"]
+    assert [cause.effect for cause in misread.causes] == ["torque_gain"]
+    (gain,) = misread.causes[0].parameters.values()
+    assert gain.low < GAIN < gain.high
     for one in misread.validation:
         true = float(
             true_metrics(misread, one.log, baseline(calibrated_rig()))[

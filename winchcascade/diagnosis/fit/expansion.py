@@ -120,17 +120,18 @@ def expand(
 
     Parameters
     ----------
-    start : fields to begin from by suspect, near which the derivatives are taken
+    start : fields to begin from by suspect
     scale : square by which the noise exceeds its estimate
     serves : share of the way from another place that its derivatives may miss [1]
     """
     suspects, effects = problem.suspects, tuple(problem.suspects)
     place, free = places_of(suspects, effects), freedom(*suspects.values())
     begin = located(problem, marginal, names, begun(suspects, names, start))
-    columns = columns_of(problem, marginal, begin, effects, serves)
-    own = [k for name in names for k in range(free.absent.size)[place[name]]]
+    first = columns_of(problem, marginal, begin, names, serves)
     exact_below = math.inf if serves <= CLOSELY else -math.inf
-    fit = fit_set(problem, marginal, names, start, columns[:, own], exact_below)
+    fit = fit_set(problem, marginal, names, start, first, exact_below)
+    columns = columns_of(problem, marginal, fit, effects, serves)
+    own = [k for name in names for k in range(free.absent.size)[place[name]]]
     value = free.absent.copy()
     value[own] = fit.x
     acting = fit.acting(suspects)
