@@ -214,7 +214,7 @@ class Judgement(msgspec.Struct, frozen=True):
         """Class of look-alikes of each cause and candidate that has one."""
         listed = (*self.causes, *self.candidates)
         found = ((name, class_of(name, self.look_alikes.get(name, ()))) for name in listed)
-        return {name: own for name, own in found if own is not None}
+        return {name: shared for name, shared in found if shared is not None}
 
     def check(self, purpose: str, *, force: bool) -> None:
         """Refuse to use a rig whose gap is not explained, unless that is forced.

@@ -381,8 +381,10 @@ def number_of(model: Model, path: str) -> float:
 
 def with_part(model: Model, part: str, **numbers: object) -> Model:
     """A model of which some numbers of one part are others."""
-    own = getattr(model, part)
-    other = own._replace(**numbers) if part in PARTS else msgspec.structs.replace(own, **numbers)
+    before = getattr(model, part)
+    other = (
+        before._replace(**numbers) if part in PARTS else msgspec.structs.replace(before, **numbers)
+    )
     return msgspec.structs.replace(model, **{part: other})
 
 

@@ -173,10 +173,10 @@ def _laws(fit: StageFit) -> tuple[MappedLaw, ...]:
     """
     found, rows = {cause.effect: cause for cause in stage_causes(fit)}, []
     for name, one in fit.data.laws.items():
-        label, own = fit.data.suspects[name].label, found.get(name)
-        if own is not None:
-            alike = tuple(other.effect for other in own.look_alikes)
-            rows.append(MappedLaw(name, label, next(iter(own.parameters.values())), alike))
+        label, named = fit.data.suspects[name].label, found.get(name)
+        if named is not None:
+            alike = tuple(other.effect for other in named.look_alikes)
+            rows.append(MappedLaw(name, label, next(iter(named.parameters.values())), alike))
         elif one.stated is not None:
             value, half = one.stated.value, COVERED * one.stated.u
             rows.append(
@@ -202,8 +202,8 @@ def _surface(fit: StageFit, grid: Signal) -> tuple[Signal, Signal]:
         for law in data.laws.values()
     ]
     slopes = np.zeros((power.size, len(mapped)))
-    for k, (law, own) in enumerate(zip(data.laws.values(), mapped, strict=True)):
-        if own:
+    for k, (law, is_mapped) in enumerate(zip(data.laws.values(), mapped, strict=True)):
+        if is_mapped:
             slopes[:, k] = -one.column(law.law)
     shape = (*grid.shape[:-1], len(best.names))
     return (slopes @ data.numbers(best.names, best.x)).reshape(shape[:-1]), slopes[

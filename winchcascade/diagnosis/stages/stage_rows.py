@@ -244,14 +244,14 @@ def rows_of(
         powers = t, one.power_in, one.power_out - one.power_in
         means, halves = _means([*powers, *places, *columns, *path.known], blocks, path.good, here)
         kept = blocks.some(here)
-        own = np.maximum(kept.cycle, 1)  # rest before the first payout belongs to its cycle
+        counted = np.maximum(kept.cycle, 1)  # rest before the first payout belongs to its cycle
         split, beside = 5 + len(columns), np.hstack([halves[::-1, 5:], halves[:, 2:3]])
         tables.append(
             StageRows(
                 part=np.full(kept.size, log),
                 path=np.full(kept.size, k),
-                blocks=msgspec.structs.replace(kept, cycle=own),
-                own_cycle=own,
+                blocks=msgspec.structs.replace(kept, cycle=counted),
+                own_cycle=counted,
                 t=means[0],
                 width=width[here],
                 given=means[1],
