@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.fit.undetermined import Direction
     from winchcascade.rig.effects.effect import Effect
 
-SAME_FIT = 0.3
+ALIKE = 0.3
 """Two explanations that differ by less are the same: fits end within it. [sigma]"""
 
 ENTRIES = "entry"
@@ -393,5 +393,5 @@ def _named(data: Fitted, found: Found, other: Fit, name: str, probability: float
         if size > (clearest.z if clearest else 0.0):
             clearest = Spot(CHANNELS[k], PHASES[phase], data.logs[log].load, z=size)
     return Alternative(
-        effect, probability, clearest if clearest and clearest.z > SAME_FIT else None
+        effect, probability, clearest if clearest and clearest.z > ALIKE else None
     )

@@ -137,10 +137,9 @@ def _of_the_model(data: Fitted, nu: Signal, determined: Signal) -> Signal:
     for j, n in enumerate(data.nuisances):
         if n.kind == "discrepancy":
             cells.setdefault((n.name, n.phase), []).append(j)
-    for numbers in cells.values():
-        found[numbers] = min(
-            (float(np.sum(nu[numbers] ** 2)) + 1.0) / (float(np.sum(determined[numbers])) + 1.0),
-            1.0,
+    for own in cells.values():
+        found[own] = min(
+            (float(np.sum(nu[own] ** 2)) + 1.0) / (float(np.sum(determined[own])) + 1.0), 1.0
         )
     return found
 
