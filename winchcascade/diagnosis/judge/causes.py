@@ -392,6 +392,4 @@ def _named(data: Fitted, found: Found, other: Fit, name: str, probability: float
         size = float(np.sqrt(np.sum(difference[here, k] ** 2)))
         if size > (clearest.z if clearest else 0.0):
             clearest = Spot(CHANNELS[k], PHASES[phase], data.logs[log].load, z=size)
-    return Alternative(
-        effect, probability, clearest if clearest and clearest.z > ALIKE else None
-    )
+    return Alternative(effect, probability, clearest if clearest and clearest.z > ALIKE else None)
