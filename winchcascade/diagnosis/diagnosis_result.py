@@ -230,8 +230,8 @@ class Judgement(msgspec.Struct, frozen=True):
         if self.verdict == "unexplained" and not force:
             raise OptionError(
                 f"{purpose}: the gap of this diagnosis is unexplained, so that the corrected rig "
-                f"is wrong by as much; find its "
-                "cause first, or give --force, which states the verdict with every result."
+                "is wrong by as much; find its cause first, or give --force, which states the "
+                "verdict with every result."
             )
 
 

@@ -124,9 +124,8 @@ def make_loss_map(runs: Sequence[Run], rig: Rig) -> LossMap:
     data = stage_data(Entries(runs), rig, EFFECTS, paths=[path], mapped=True)
     if "" in data.axes[0]:
         raise RigError(
-            f"rig {rig.name}: a loss map needs a motion and a load of one stage, such as speed "
-            f"and torque, from "
-            f"{path.into.name} to {path.out.name}; log both."
+            f"rig {rig.name}: a loss map needs a motion and a load of one stage, such as speed and "
+            f"torque, from {path.into.name} to {path.out.name}; log both."
         )
     fit = most_probable(fit_of(data))
     best, rows = fit.found.best, data.rows
@@ -136,8 +135,7 @@ def make_loss_map(runs: Sequence[Run], rig: Rig) -> LossMap:
     if not moves.any():
         raise LogError(
             f"{runs[0].name}: no operating point for a loss map, as {data.axes[0][0]} is 0 "
-            f"throughout; "
-            "expected a stage at work."
+            "throughout; expected a stage at work."
         )
     motion, load = (
         np.linspace(float(x.min()), float(x.max()), BREAKPOINTS) for x in places[moves].T

@@ -193,9 +193,8 @@ def data_of(
     if not np.all(power) or (line and np.any(sizes[of_line] == 0.0)):
         what = "line speed, line tension or mechanical power" if line else "a power or its signal"
         raise LogError(
-            f"{parts[0].run.name}: {what} is 0 throughout the cycles of the fit; a diagnosis "
-            f"needs a rig at work, so choose "
-            "other cycles or check the columns."
+            f"{parts[0].run.name}: {what} is 0 throughout the cycles of the fit; a diagnosis needs "
+            "a rig at work, so choose other cycles or check the columns."
         )
     moving = sizes > 0.0
     laws = {name: one for (name, one), moves in zip(laws.items(), moving, strict=True) if moves}

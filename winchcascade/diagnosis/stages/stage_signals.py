@@ -144,9 +144,8 @@ def paths_of(runs: Sequence[Run], rig: Rig) -> tuple[StagePath, ...]:
         )
         raise LogError(
             f"{runs[0].name}: laws of stages follow from the powers of two stages, and rig "
-            f"{rig.name} with its logs gives "
-            f"{len(known)}; it lacks that of {places}. Log its channels, or name their columns "
-            f"under [columns] in the rig file."
+            f"{rig.name} with its logs gives {len(known)}; it lacks that of {places}. Log its "
+            "channels, or name their columns under [columns] in the rig file."
         )
     return tuple(StagePath(into, out) for into, out in pairwise(known))
 
