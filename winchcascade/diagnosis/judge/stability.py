@@ -55,9 +55,7 @@ def stabilities(data: Fitted, found: Found) -> dict[str, Stability]:
         ]
         size = ends[1] - ends[0]
         if size == 0.0:  # it acts by its other fields alone: no run determines the reported number
-            several[name] = Stability(
-                tuple(RunValue(k, withheld=k in data.withheld) for k in range(len(data.rows))), ()
-            )
+            several[name] = Stability(_of_every_run(data, {}), ())
             continue
         runs, share, covariance = strengths(data, found, name)
         stability = _stability(
@@ -137,10 +135,14 @@ def _stability(
         runs[resolved].tolist(), share[resolved].tolist(), half[resolved].tolist(), strict=True
     )
     values = {run: RunValue(run, x, x - u, x + u) for run, x, u in numbers}
-    every = (
-        values.get(k) or RunValue(k, withheld=k in data.withheld) for k in range(len(data.rows))
+    return Stability(_of_every_run(data, values), tuple(trends))
+
+
+def _of_every_run(data: Fitted, known: Mapping[int, RunValue]) -> tuple[RunValue, ...]:
+    """Numbers of some runs, and NaN for the others."""
+    return tuple(
+        known.get(k) or RunValue(k, withheld=k in data.withheld) for k in range(len(data.rows))
     )
-    return Stability(tuple(every), tuple(trends))
 
 
 def _in_unit(stability: Stability, absent: float, size: float) -> Stability:
