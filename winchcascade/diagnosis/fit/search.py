@@ -149,7 +149,7 @@ def expand(
     own = [k for name in names for k in range(free.absent.size)[place[name]]]
     fit, value = fit_set(problem, marginal, names, start, columns[:, own]), free.absent.copy()
     value[own] = fit.x
-    acting = dict(zip(names, fit.effects(suspects), strict=True))
+    acting = fit.acting(suspects)
     without = [[one for other, one in acting.items() if other != name] for name in names]
     removed = np.zeros((fit.r.size, 0))
     if names:

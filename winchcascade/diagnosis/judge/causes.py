@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.fit.undetermined import Direction
     from winchcascade.rig.effects.effect import Effect
 
-ALIKE = 0.3
+SAME_FIT = 0.3
 """Two explanations that differ by less are the same: fits end within it. [sigma]"""
 
 ENTRIES = "entry"
@@ -392,4 +392,6 @@ def _named(data: Fitted, found: Found, other: Fit, name: str, probability: float
         size = float(np.sqrt(np.sum(difference[here, k] ** 2)))
         if size > (clearest.z if clearest else 0.0):
             clearest = Spot(CHANNELS[k], PHASES[phase], data.logs[log].load, z=size)
-    return Alternative(effect, probability, clearest if clearest and clearest.z > ALIKE else None)
+    return Alternative(
+        effect, probability, clearest if clearest and clearest.z > SAME_FIT else None
+    )
