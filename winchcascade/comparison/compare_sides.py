@@ -55,8 +55,8 @@ def compare_sides(a: ComparedSide, b: ComparedSide, *, same_sensors: bool = Fals
     if not any(runs.differences for runs in with_differences):
         raise CompareError(
             f"{a.name} and {b.name} have matching runs without a metric in common; expected an "
-            f"energy that both sides have. "
-            "Check the stages of the rig files and the findings of the logs."
+            "energy that both sides have. Check the stages of the rig files and the findings of "
+            "the logs."
         )
     ours, theirs = ({id(run) for run in side} for side in (of_a, of_b))
     return Comparison(
@@ -111,8 +111,7 @@ def match_runs(a: ComparedSide, b: ComparedSide) -> tuple[tuple[MatchedRuns, ...
         sides = " and ".join(f"{side.name} has {_listed(side.runs)}" for side in (a, b))
         raise CompareError(
             f"no runs match: {sides}; expected a load in common. A log without a load is matched "
-            f"by its file name; state "
-            "loads by load_ohm in campaign.toml or --load-ohm of reduce."
+            "by its file name; state loads by load_ohm in campaign.toml or --load-ohm of reduce."
         )
     by_load = [runs.load is not None for runs in found]
     return tuple(found), "load" if all(by_load) else "load_and_file" if any(by_load) else "file"

@@ -110,9 +110,9 @@ def drop_gate(found: Comparison, limit: float) -> Gate:
         )
     if found.overall is None or not drops:
         raise CompareError(
-            f"--max-drop: no matched run has "
-            f"{found.overall or 'an efficiency of the whole cascade'} on both sides; expected "
-            "one at least. Check the channels and the load of the logs, or leave --max-drop out."
+            "--max-drop: no matched run has "
+            f"{found.overall or 'an efficiency of the whole cascade'} on both sides; expected one "
+            "at least. Check the channels and the load of the logs, or leave --max-drop out."
         )
     return Gate(found.overall, limit, tuple(drops), tuple(without))
 

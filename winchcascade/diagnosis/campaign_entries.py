@@ -56,15 +56,15 @@ def withheld_numbers(
         return [k for k, mark in enumerate(marked) if mark]
     found: list[int] = []
     for load in loads:
-        own = [
+        having = [
             k
             for k, run in enumerate(runs)
             if run.load is not None and math.isclose(run.load, load, rel_tol=1e-6)
         ]
-        if not own:
+        if not having:
             there = ", ".join(f"{run.load:g}" for run in runs if run.load is not None)
             raise OptionError(
                 f"--withhold {load:g}: no run of the campaign has this load; it has {there} ohm."
             )
-        found += own
+        found += having
     return sorted(set(found))

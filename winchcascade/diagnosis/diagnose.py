@@ -298,8 +298,8 @@ def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelD
     if verdict != "explained":
         causes, candidates = parted(causes, signs, share)
     on_progress("planning the next run")
-    own, lead = arises(result.stages), causes[0].stage if causes else None
-    stage = lead if verdict == "explained" else deviating_stage(own) or lead
+    deviating, lead = arises(result.stages), causes[0].stage if causes else None
+    stage = lead if verdict == "explained" else deviating_stage(deviating) or lead
     shown = [alarm for alarm in signs if alarm.kind != "nuisance"] or signs
     gone = {one.effect for one in result.causes} - {one.effect for one in causes}
     return msgspec.structs.replace(
@@ -310,7 +310,7 @@ def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelD
         contributions=without(
             result.contributions, gone | minor, among="residual" if gone else "tolerances"
         ),
-        where=locate(data, data.gap(result.predicted), result.places, stage, own),
+        where=locate(data, data.gap(result.predicted), result.places, stage, deviating),
         remainder=Remainder(
             share=1.0 if closure is None else max(1.0 - share, 0.0),
             alarms=signs,

@@ -217,7 +217,7 @@ class Judgement(msgspec.Struct, frozen=True):
         """Class of look-alikes of each cause and candidate that has one."""
         listed = (*self.causes, *self.candidates)
         found = ((name, class_of(name, self.look_alikes.get(name, ()))) for name in listed)
-        return {name: own for name, own in found if own is not None}
+        return {name: shared for name, shared in found if shared is not None}
 
     def check(self, purpose: str, *, force: bool) -> None:
         """Refuse to use a rig whose gap is not explained, unless that is forced.
@@ -233,8 +233,8 @@ class Judgement(msgspec.Struct, frozen=True):
         if self.verdict == "unexplained" and not force:
             raise OptionError(
                 f"{purpose}: the gap of this diagnosis is unexplained, so that the corrected rig "
-                f"is wrong by as much; find its "
-                "cause first, or give --force, which states the verdict with every result."
+                "is wrong by as much; find its cause first, or give --force, which states the "
+                "verdict with every result."
             )
 
 

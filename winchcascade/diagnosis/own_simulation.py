@@ -86,7 +86,7 @@ def beside_own_simulation(
     )
     places, gap = compare(data, given), data.gap(given)
     where, closure = result.where, result.closure
-    own = fit_simulation(simulations, result, on_progress)
+    fitted = fit_simulation(simulations, result, on_progress)
     result = msgspec.structs.replace(
         result,
         predicted=given,
@@ -94,10 +94,10 @@ def beside_own_simulation(
         where=where and locate(data, gap, places, where.stage, where.arises),
         closure=closure
         and closure_between(data, gap, closure.residual, closure.predictions, result.seed),
-        own_simulation=own,
+        own_simulation=fitted,
         contributions=from_own_simulation(result.contributions, data, simulations, windows),
     )
-    if not _agrees(result, own, gap):
+    if not _agrees(result, fitted, gap):
         return result
     shared = tuple(cause.effect for cause in result.causes)
     return msgspec.structs.replace(
@@ -108,12 +108,12 @@ def beside_own_simulation(
         closure=None,
         remainder=None,
         experiment=None,
-        own_simulation=msgspec.structs.replace(own, shared=shared),
+        own_simulation=msgspec.structs.replace(fitted, shared=shared),
         contributions=without(result.contributions, shared, among="model_form"),
     )
 
 
-def _agrees(result: ModelDiagnosis, own: OwnSimulation, gap: Signal) -> bool:
+def _agrees(result: ModelDiagnosis, fitted: OwnSimulation, gap: Signal) -> bool:
     """Whether a simulation contains all causes with the same numbers, and differs from the logs by
     no more than noise and the discrepancy of a model.
 
@@ -128,7 +128,7 @@ def _agrees(result: ModelDiagnosis, own: OwnSimulation, gap: Signal) -> bool:
     allowed = (1.0 + MIN_EXCESS) * (data.noise**2 + np.sum(data.discrepancies() ** 2, axis=2))
     small = np.sum(gap**2, axis=0, where=judged) <= np.sum(allowed, axis=0, where=judged)
     pairs = [
-        (number, own.numbers.get(cause.effect, {}).get(name))
+        (number, fitted.numbers.get(cause.effect, {}).get(name))
         for cause in result.causes
         for name, number in cause.parameters.items()
     ]
@@ -184,14 +184,14 @@ def model_forms(
             forms.append(_form(suspects[name].stage, place, name))
     for alarm in ringing(Judged(data, suspects, found.best), OF_THE_RESIDUAL):
         if alarm.kind == "structure" and isinstance(alarm.about, Spot):
-            own = [
+            here = [
                 p
                 for p in places
                 if (p.channel, p.phase) == (alarm.about.channel, alarm.about.phase)
             ]
             stage = STAGE_OF[alarm.about.channel]
-            if own and stage not in {form.stage for form in forms}:
-                forms.append(_form(stage, max(own, key=lambda p: abs(p.z)), None))
+            if here and stage not in {form.stage for form in forms}:
+                forms.append(_form(stage, max(here, key=lambda p: abs(p.z)), None))
     return tuple(sorted(forms, key=lambda form: -abs(form.z)))
 
 

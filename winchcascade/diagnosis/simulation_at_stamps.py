@@ -102,19 +102,17 @@ def onto_log(simulation: Run, log: Run, counted: slice) -> Run:
     if missing:
         raise LogError(
             f"{simulation.path}: the simulation has no column for {', '.join(missing)}, which the "
-            f"log {log.name} has; found "
-            f"{', '.join(simulation.channels)}. Export {'them' if len(missing) > 1 else 'it'} "
-            f"too, or name the column in the "
-            "rig file under [columns]."
+            f"log {log.name} has; found {', '.join(simulation.channels)}. Export "
+            f"{'them' if len(missing) > 1 else 'it'} too, or name the column in the rig file under "
+            "[columns]."
         )
     shift, difference = _aligned(simulation, log, counted)
     if difference > VELOCITY_DIFFERENCE_MAX:
         raise LogError(
             f"{simulation.path}: the simulation has another line motion than the log {log.name}: "
-            f"the velocities differ by "
-            f"{100.0 * difference:.2g} % rms after a shift of {shift:.3g} s; expected "
-            f"{100.0 * VELOCITY_DIFFERENCE_MAX:g} % at most. Drive the "
-            "simulation with the velocity of the log, over all cycles that count."
+            f"the velocities differ by {100.0 * difference:.2g} % rms after a shift of {shift:.3g} "
+            f"s; expected {100.0 * VELOCITY_DIFFERENCE_MAX:g} % at most. Drive the simulation with "
+            "the velocity of the log, over all cycles that count."
         )
     channels = {
         name: _sampled(simulation, x, log, shift) for name, x in simulation.channels.items()
@@ -199,8 +197,7 @@ def _check_levels(simulation: Run, log: Run, rig: Rig, blocks: Blocks) -> None:
         }
         likely = min(units, key=lambda unit: abs(math.log10(max(ratio * units[unit], 1e-12))))
         raise LogError(
-            f"{simulation.path}: its {name} has no known unit, was taken as {channel.unit}, and "
-            f"is {ratio:.3g} times that of "
-            f"the log {log.name}; the unit may be {likely}. State it in the header of the column, "
-            f"such as {name} ({likely})."
+            f"{simulation.path}: its {name} has no known unit, was taken as {channel.unit}, and is "
+            f"{ratio:.3g} times that of the log {log.name}; the unit may be {likely}. State it in "
+            f"the header of the column, such as {name} ({likely})."
         )

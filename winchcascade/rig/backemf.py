@@ -103,8 +103,8 @@ def back_emf(
     if np.count_nonzero(used) < MIN_SAMPLES:
         raise LogError(
             f"{run.name}: {np.count_nonzero(used)} samples above {begin:.4g} rpm in which the "
-            f"bridge conducts; a "
-            f"back-EMF constant needs at least {MIN_SAMPLES}: pay out faster, or for longer."
+            f"bridge conducts; a back-EMF constant needs at least {MIN_SAMPLES}: pay out faster, "
+            "or for longer."
         )
     slope, rpm, vdc = np.gradient(rpm, run.t)[used], rpm[used], vdc[used]
     v_ll, _ = back_emfs(model.generator, rpm / RPM, vdc, current[used])

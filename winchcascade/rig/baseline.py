@@ -93,9 +93,8 @@ def model_of(rig: Rig) -> Model | NoModel:
         return NoModel(_lacking(rig, missing))
     if rig.drivetrain.one_way_clutch is False:
         return NoModel(
-            f"rig {rig.name}: no model can be made, as one_way_clutch under [drivetrain] is "
-            f"false, and the generator of the "
-            "model is driven in payout alone."
+            f"rig {rig.name}: no model can be made, as one_way_clutch under [drivetrain] is false, "
+            "and the generator of the model is driven in payout alone."
         )
     if rig.restoring.has_gas:
         numbers["restoring"]["pressure"] += ATMOSPHERE
@@ -136,8 +135,7 @@ def _lacking(rig: Rig, missing: Mapping[str, Sequence[str]]) -> str:
         )
         parts.append(
             f"{', '.join(missing['restoring'])} under [restoring], which a restoring module of "
-            f"kind {kind} needs (for another "
-            f"one state kind = {others} there)"
+            f"kind {kind} needs (for another one state kind = {others} there)"
         )
     return (
         f"rig {rig.name}: no model can be made, as it lacks {'; '.join(parts)}. Add them to the "

@@ -115,13 +115,13 @@ def _with_displacement(run: Run, alone: LineVelocity) -> LineVelocity | None:
         1, half + 1
     ):  # the ends: a machine at rest would keep the voltage of a noisy first sample
         for middle, place in ((half, -at), (run.t.size - 1 - half, at)):
-            own = rate_weights(half, interval, *noise, place)
+            of_end = rate_weights(half, interval, *noise, place)
             window = slice(middle - half, middle + half + 1)
             both[middle + place] = sum(
-                float(w @ x[window]) for w, x in zip(own, channels, strict=True)
+                float(w @ x[window]) for w, x in zip(of_end, channels, strict=True)
             )
             usable[middle + place] = usable[middle]
-            max_noise = max(max_noise, _noise_of(noise, own))
+            max_noise = max(max_noise, _noise_of(noise, of_end))
     if not usable.all():
         max_noise = max(max_noise, alone.max_noise)
     return LineVelocity(

@@ -345,18 +345,15 @@ def path_in_rig(path: str) -> str:
     ('drivetrain.gear_ratio', 'generator.r_s')
     """
     section, _, name = path.partition(".")
-    number = numbers_of(section).get(name) if section in PARTS else None
+    number = every_number().get(path)
     return f"{section}.{number.in_rig or name}" if number is not None else path
 
 
 @cache
 def in_rig_file(part: str) -> Mapping[str, str]:
     """Numbers of a part that rig files have, and their names there."""
-    names, stated = (
-        {name: number.in_rig or name for name, number in numbers_of(part).items()},
-        measures(SECTIONS[part]),
-    )
-    return {name: in_rig for name, in_rig in names.items() if in_rig in stated}
+    names = {name: number.in_rig or name for name, number in numbers_of(part).items()}
+    return {name: in_rig for name, in_rig in names.items() if in_rig in measures(SECTIONS[part])}
 
 
 def stated_path(path: str) -> str:
@@ -381,8 +378,10 @@ def number_of(model: Model, path: str) -> float:
 
 def with_part(model: Model, part: str, **numbers: object) -> Model:
     """A model of which some numbers of one part are others."""
-    own = getattr(model, part)
-    other = own._replace(**numbers) if part in PARTS else msgspec.structs.replace(own, **numbers)
+    before = getattr(model, part)
+    other = (
+        before._replace(**numbers) if part in PARTS else msgspec.structs.replace(before, **numbers)
+    )
     return msgspec.structs.replace(model, **{part: other})
 
 

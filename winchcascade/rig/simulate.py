@@ -158,23 +158,20 @@ def simulate(run: Run, model: Model | None = None, *, step: float | None = None)
     if step is not None and not usual / FINEST_SHARE <= step <= scale.ramp:
         raise OptionError(
             f"simulate: step is {step:g} s; expected one from {usual / FINEST_SHARE:.2g} s to the "
-            f"ramp of the motion, "
-            f"{scale.ramp:.2g} s. By default it is {usual:.2g} s."
+            f"ramp of the motion, {scale.ramp:.2g} s. By default it is {usual:.2g} s."
         )
     step = usual if step is None else step
     if "velocity" not in run.channels or run.t[-1] - run.t[0] < 2.0 * step:
         raise LogError(
-            f"{run.name}: {run.samples} samples of {', '.join(run.channels)} hold no motion of "
-            f"the line; expected a log with "
-            "velocity or displacement."
+            f"{run.name}: {run.samples} samples of {', '.join(run.channels)} hold no motion of the "
+            "line; expected a log with velocity or displacement."
         )
     found = simulate_along(run, model, motion_of(run, step, scale))
     for name, signal in found.run.channels.items():
         if not np.max(np.abs(signal)) < LARGEST:
             raise RigError(
                 f"{run.name}: the model gives a {name} of {np.max(np.abs(signal)):.3g} in SI "
-                f"units, which no rig has; "
-                "check the rig file and the effects together."
+                "units, which no rig has; check the rig file and the effects together."
             )
     return found
 
@@ -238,8 +235,7 @@ def _check_model(model: Model) -> None:
             unit = "" if number.unit == "1" else f" {number.unit}"
             raise RigError(
                 f"the model's {number.what} is {value:.4g}{unit}; expected {expected}, so check "
-                f"the rig file and the effects "
-                "together."
+                "the rig file and the effects together."
             )
 
 
@@ -252,18 +248,16 @@ def check_travel(name: str, model: Model, low: float, high: float) -> None:
     if gas.volume <= push * high:
         raise LogError(
             f"{name}: the line pays out {high:.4g} m, but after {gas.volume / push:.4g} m the "
-            f"piston would have pressed the "
-            f"gas of {1e3 * gas.volume:.4g} L to nothing; expected less payout, so check the unit "
-            f"of velocity and "
-            "displacement, volume_gas and area_piston of the rig file, and the effects."
+            f"piston would have pressed the gas of {1e3 * gas.volume:.4g} L to nothing; expected "
+            "less payout, so check the unit of velocity and displacement, volume_gas and "
+            "area_piston of the rig file, and the effects."
         )
     if min(physics.rope_radius(low, model.winch), physics.rope_radius(high, model.winch)) <= 0.0:
         raise LogError(
             f"{name}: the line moves from {low:.4g} to {high:.4g} m, but at "
-            f"{-1.0 / model.winch.layering:.4g} m the rope "
-            "would run on a radius of nothing; expected less motion, so check the unit of "
-            "velocity and displacement, and "
-            "the effects."
+            f"{-1.0 / model.winch.layering:.4g} m the rope would run on a radius of nothing; "
+            "expected less motion, so check the unit of velocity and displacement, and the "
+            "effects."
         )
 
 
@@ -292,10 +286,8 @@ def _check_speed(run: Run, scale: MotionScale) -> None:
     if rpm > OVER_SPEED * rated:
         raise LogError(
             f"{run.name}: the line moves at {scale.speed:.4g} m/s, which turns the generator at "
-            f"{rpm:.3g} rpm, "
-            f"{rpm / rated:.0f} times its rated speed; expected {OVER_SPEED:g} times at most, so "
-            f"check the unit of velocity "
-            "and displacement, r_drum and gear_ratio."
+            f"{rpm:.3g} rpm, {rpm / rated:.0f} times its rated speed; expected {OVER_SPEED:g} "
+            "times at most, so check the unit of velocity and displacement, r_drum and gear_ratio."
         )
 
 

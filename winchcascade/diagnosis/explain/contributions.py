@@ -108,7 +108,7 @@ class Ways(NamedTuple):
 
 def ways_of(data: Fitted, suspects: Suspects, best: Fit, names: Names) -> Ways:
     """What moves the accounts of a fit with some of its causes."""
-    acting = dict(zip(best.names, best.effects(suspects), strict=True))
+    acting = best.acting(suspects)
     fields = [
         (owner, place, [moved if other == name else acting[other] for other in names], step)
         for owner, name in enumerate(names)
@@ -230,7 +230,7 @@ def contributions_of(
     """
     names, suspects = tuple(cause.effect for cause in causes), found.problem.suspects
     best, nothing = found.best, np.zeros(len(data.nuisances))
-    acting = dict(zip(best.names, best.effects(suspects), strict=True))
+    acting = best.acting(suspects)
     subsets = [
         [acting[name] for bit, name in enumerate(names) if subset >> bit & 1]
         for subset in subsets_of(len(names))

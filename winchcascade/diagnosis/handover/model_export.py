@@ -29,6 +29,7 @@ from winchcascade.rig.parts import (
     PARTS,
     ROLLOFF_KNOTS,
     Model,
+    every_number,
     number_of,
     numbers_of,
     path_in_rig,
@@ -92,7 +93,7 @@ def _write_unit(found: ModelDiagnosis, path: Path, *, force: bool) -> None:
     """
     best, *moved = posterior_of_rig(found).models()
     u = {}
-    for number in (f"{part}.{name}" for part in PARTS for name in numbers_of(part)):
+    for number in every_number():
         change = np.array([number_of(one, number) - number_of(best, number) for one in moved])
         if change.any():
             u[number] = float(np.linalg.norm(change))

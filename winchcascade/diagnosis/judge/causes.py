@@ -168,17 +168,19 @@ def parameters_of(posterior: Posterior, effect: Effect, name: str) -> dict[str, 
 
     A wrong entry follows no law of nature.
     """
-    own = posterior.fit.place[name]
-    x, reported = posterior.fit.x[own], {}
+    place = posterior.fit.place[name]
+    x, reported = posterior.fit.x[place], {}
     value, absent = (with_values(effect, at).reported for at in (x, freedom(effect).absent))
     law = max(LAW, effect.law_u) * abs(value - absent) if effect.entry is None else 0.0
     reported[effect.parameter] = _interval(
-        posterior, own, slope_of_reported(effect, x), (value, law), effect.unit
+        posterior, place, slope_of_reported(effect, x), (value, law), effect.unit
     )
     for k, field in enumerate(effect.fields):
         if field.name in effect.beside:
             number = float(x[k]), LAW * abs(float(x[k]) - field.absent)
-            reported[field.name] = _interval(posterior, own, np.eye(x.size)[k], number, field.unit)
+            reported[field.name] = _interval(
+                posterior, place, np.eye(x.size)[k], number, field.unit
+            )
     return reported
 
 
@@ -193,17 +195,17 @@ def _product(
         if pair is None or effect.path not in pair or effect.fields[0].operation != "scale":
             continue
         stated = math.prod(number_of(data.nominal, path) * IN_RIG.get(path, 1.0) for path in pair)
-        own, (first, second) = (
+        place, (first, second) = (
             posterior.fit.place[name],
             (path_in_rig(path).split(".")[1] for path in pair),
         )
-        change = float(posterior.fit.x[own][0])
+        change = float(posterior.fit.x[place][0])
         gradient = stated * np.eye(len(effect.fields))[0]
         law = 0.0 if effect.entry is not None else LAW * abs(stated * change)
         number = stated * (1.0 + change), law
         return {
             f"{second}_x_{first}": _interval(
-                posterior, own, gradient, number, _unit_of(data.rig, pair)
+                posterior, place, gradient, number, _unit_of(data.rig, pair)
             )
         }
     return {}
@@ -217,7 +219,7 @@ def _unit_of(rig: Rig, pair: tuple[str, str]) -> str:
 
 
 def _interval(
-    posterior: Posterior, own: slice, gradient: Signal, of: tuple[float, float], unit: str
+    posterior: Posterior, place: slice, gradient: Signal, of: tuple[float, float], unit: str
 ) -> Reported:
     """A number that follows from the fields of a cause, with its 95 % interval.
 
@@ -230,10 +232,10 @@ def _interval(
     of : the number, and the standard uncertainty of its law
     """
     (value, law), fit = of, posterior.fit
-    free, x = fit.free.some(range(own.start, own.stop)), fit.x[own]
+    free, x = fit.free.some(range(place.start, place.stop)), fit.x[place]
     used, variance = (
         np.flatnonzero(gradient),
-        float(gradient @ posterior.covariance[own, own] @ gradient),
+        float(gradient @ posterior.covariance[place, place] @ gradient),
     )
     margin = 1e-9 * (free.high - free.low)
     at = (x >= free.maximum - margin) * 1 - (x <= free.minimum + margin) * 1
@@ -243,7 +245,8 @@ def _interval(
     if used.size == 1 and at[used[0]]:
         slope = float(gradient[used[0]])
         away = math.hypot(
-            abs(slope) * _one_sided(posterior, own.start + int(used[0])), ONE_SIDED / COVERED * law
+            abs(slope) * _one_sided(posterior, place.start + int(used[0])),
+            ONE_SIDED / COVERED * law,
         )
         upper = bool(at[used[0]] * slope > 0.0)
         number = Reported(value, value - away * upper, value + away * (not upper), unit)

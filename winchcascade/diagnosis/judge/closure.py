@@ -96,9 +96,9 @@ def _without(found: Found, fit: Fit, names: Names, rows: Signal) -> Fit:
 
     The prior is about the fit, and not about the absence of the suspects.
     """
-    own = [k for name in names for k in range(fit.x.size)[fit.place[name]]]
+    fields = [k for name in names for k in range(fit.x.size)[fit.place[name]]]
     moved = found.marginal.undone(found.expansion.over(names))
-    marginal, free, x = found.marginal.masked(rows), fit.free.some(own), fit.x[own]
+    marginal, free, x = found.marginal.masked(rows), fit.free.some(fields), fit.x[fields]
     columns, r = marginal(moved * rows[:, None]), marginal(fit.given * rows)
     weighted = columns * weights(r)[:, None]
     curve = weighted.T @ columns + np.diag(free.sd**-2.0)

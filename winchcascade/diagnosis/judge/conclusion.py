@@ -61,12 +61,14 @@ def predicting_best(found: Found, held_out: HeldOut) -> Found:
     fewer = [found.without(name) for name in best.names]
     tried = {fit.names: fit for fit in (best, *fewer, *found.singles()) if found.allowed(fit.names)}
     closures = {names: held_out.of(found, fit) for names, fit in tried.items()}
-    own, worth = closures.pop(best.names), weighing(found).worth
-    chosen = [names for names, closure in closures.items() if closure.closes_more_than(own)]
+    of_best, worth = closures.pop(best.names), weighing(found).worth
+    chosen = [names for names, closure in closures.items() if closure.closes_more_than(of_best)]
     one = Judged(data, found.problem.suspects, best)
     if not chosen and any(pair.size > pair.limit for pair in cancelling(one)):
         chosen = [
-            names for names, closure in closures.items() if closure.share >= own.share - DISPENSABLE
+            names
+            for names, closure in closures.items()
+            if closure.share >= of_best.share - DISPENSABLE
         ]
     if not chosen:
         return found
@@ -92,8 +94,8 @@ def is_within_law(moved: Mapping[str, Signal], name: str) -> bool:
     ----------
     moved : (5,) what each cause moves in each channel, as a share of its plateau [1]
     """
-    own = moved[name]
-    return any(np.all(own <= COVERED * LAW * x) for other, x in moved.items() if other != name)
+    by_cause = moved[name]
+    return any(np.all(by_cause <= COVERED * LAW * x) for other, x in moved.items() if other != name)
 
 
 def without_imitators(data: Fitted, found: Found) -> Found:

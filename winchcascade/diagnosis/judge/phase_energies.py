@@ -86,7 +86,7 @@ def energies_of(data: Fitted, suspects: Suspects, fit: Fit) -> tuple[StageEnergy
         ]
 
     several = all_at_once([partial(of_run, k) for k in range(len(data.logs))], data.sizes)
-    return tuple(one for own in several for one in own)
+    return tuple(one for energies in several for one in energies)
 
 
 def _known(data: Fitted, suspects: Suspects, fit: Fit) -> Known:
@@ -178,8 +178,8 @@ def _variance(data: Fitted, known: Known, k: int, phase: str, weights: Signal) -
     """
     log, rows = data.logs[k], data.rows[k]
     taking = data.seen[rows] & (k not in data.withheld)
-    own, shared = log.noise.own_total * weights, np.sum(log.noise.drive * weights, axis=1)
-    noise = known.scale * IN_A_ROW * float(np.sum(own**2) + np.sum(shared**2))
+    each, shared = log.noise.own_total * weights, np.sum(log.noise.drive * weights, axis=1)
+    noise = known.scale * IN_A_ROW * float(np.sum(each**2) + np.sum(shared**2))
     for name in WITHOUT_ZERO:
         noise += (
             sensor_errors(data.rig.sensors.get(name))[1]

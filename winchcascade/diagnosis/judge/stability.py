@@ -47,16 +47,15 @@ def stabilities(data: Fitted, found: Found) -> dict[str, Stability]:
     """Numbers of the causes of the best fit run by run, by effect."""
     fit, several = found.best, {}
     for name in fit.names:
-        effect, own = found.problem.suspects[name], fit.place[name]
+        effect, place = found.problem.suspects[name], fit.place[name]
         free = freedom(effect)
         ends = [
-            with_values(effect, x).reported for x in (free.absent, fit.x[own], free.low, free.high)
+            with_values(effect, x).reported
+            for x in (free.absent, fit.x[place], free.low, free.high)
         ]
         size = ends[1] - ends[0]
         if size == 0.0:  # it acts by its other fields alone: no run determines the reported number
-            several[name] = Stability(
-                tuple(RunValue(k, withheld=k in data.withheld) for k in range(len(data.rows))), ()
-            )
+            several[name] = Stability(_of_every_run(data, {}), ())
             continue
         runs, share, covariance = strengths(data, found, name)
         stability = _stability(
@@ -75,15 +74,15 @@ def strengths(data: Fitted, found: Found, name: str) -> tuple[NDArray[np.intp], 
     Numbers of the runs that depend on it, (q,), strengths, (q,), and their covariance, (q, q)
     """
     fit, expansion = found.best, found.expansion
-    columns, own = expansion.over(fit.names), fit.place[name]
-    way = found.marginal.undone(columns[:, own] @ (fit.x[own] - fit.free.absent[own]))
+    columns, place = expansion.over(fit.names), fit.place[name]
+    way = found.marginal.undone(columns[:, place] @ (fit.x[place] - fit.free.absent[place]))
     sizes = [float(np.sum(way[_rows(rows)] ** 2)) for rows in data.rows]
     runs = np.flatnonzero(np.array(sizes) > INFORMATION_MIN * sum(sizes))
     parts = np.zeros((way.size, runs.size))
     for column, run in enumerate(runs.tolist()):
         parts[_rows(data.rows[run]), column] = way[_rows(data.rows[run])]
     others = inside_of(fit)
-    others[own] = False
+    others[place] = False
     both = np.hstack([found.marginal(parts), columns[:, others]])
     weighted, prior = (
         both * weights(fit.r)[:, None],
@@ -136,10 +135,14 @@ def _stability(
         runs[resolved].tolist(), share[resolved].tolist(), half[resolved].tolist(), strict=True
     )
     values = {run: RunValue(run, x, x - u, x + u) for run, x, u in numbers}
-    every = (
-        values.get(k) or RunValue(k, withheld=k in data.withheld) for k in range(len(data.rows))
+    return Stability(_of_every_run(data, values), tuple(trends))
+
+
+def _of_every_run(data: Fitted, known: Mapping[int, RunValue]) -> tuple[RunValue, ...]:
+    """Numbers of some runs, and NaN for the others."""
+    return tuple(
+        known.get(k) or RunValue(k, withheld=k in data.withheld) for k in range(len(data.rows))
     )
-    return Stability(tuple(every), tuple(trends))
 
 
 def _in_unit(stability: Stability, absent: float, size: float) -> Stability:

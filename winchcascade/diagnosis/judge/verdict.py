@@ -12,8 +12,7 @@ from winchcascade.diagnosis.verdict_limits import HALF, MARGIN, MOSTLY, OPEN
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-Named = tuple[NamedCause, ...]
-"""Effects that are named."""
+    Named = tuple[NamedCause, ...]
 
 
 def verdict_of(signs: Sequence[Alarm], share: float) -> Verdict:

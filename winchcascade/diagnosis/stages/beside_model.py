@@ -141,15 +141,20 @@ def data_beside_model(
                 f"need pressure, or torque beside tension or voltage. Log them, or leave the log "
                 f"out."
             )
-    stages = [stage for stage in STAGE_ENDS if any(stage in own for _, own in several)]
+    stages = [
+        stage for stage in STAGE_ENDS if any(stage in samples_of for _, samples_of in several)
+    ]
     ends = [(stage, *STAGE_ENDS[stage]) for stage in stages]
     paths = tuple(StagePath(Place(into, ()), Place(out, ()), at=at) for at, into, out in ends)
-    first = [next(own[stage] for _, own in several if stage in own).signals for stage in stages]
+    first = [
+        next(samples_of[stage] for _, samples_of in several if stage in samples_of).signals
+        for stage in stages
+    ]
     axes = tuple(axes_of(one.signals) for one in first)
     laws = laws_beside_model(first, paths, data.rig, EFFECTS)
     tables, caused = [], []
-    for k, (made, own) in enumerate(several):
-        numbered = {stages.index(stage): samples for stage, samples in own.items()}
+    for k, (made, samples_of) in enumerate(several):
+        numbered = {stages.index(stage): samples for stage, samples in samples_of.items()}
         tables.append(rows_of(made.run.t, made.blocks, numbered.items(), laws, axes, k))
         others = [models[k] for models in acting]
         added = {
@@ -254,8 +259,8 @@ def _signals(made: Deviations, model: Model) -> dict[Stage, dict[str, Signal]]:
             PHASES_IN_SERIES * CHANGE_OF_NUMBER * model.generator.r_s
         )
         found[stage]["current"] = np.sqrt(square)
-    if (own := found.get("generator")) is not None:
-        own["overload"] = np.maximum(STATOR * own["current"] - model.generator.i_rated, 0.0)
+    if (machine := found.get("generator")) is not None:
+        machine["overload"] = np.maximum(STATOR * machine["current"] - model.generator.i_rated, 0.0)
     return found
 
 

@@ -220,19 +220,23 @@ def _kinds(rows: StageRows) -> Iterator[tuple[int, Index]]:
 
 
 def _places(data: StageData) -> tuple[Place, ...]:
-    """Map the gap: one row for each path and phase of which there are blocks."""
+    """Map the gap: one row for each path and phase of which there are rows."""
     found, squares = [], max(float(np.sum(data.rows.gap**2)), 1e-300)
     for kind, here in _kinds(data.rows):
-        own = data.rows.some(here)
-        if own.t.size < 2:
+        rows = data.rows.some(here)
+        if rows.t.size < 2:
             continue
-        noise = _noise(own, own.gap)
-        noise = noise if math.isfinite(noise) else float(np.std(own.gap))
+        noise = _noise(rows, rows.gap)
+        noise = noise if math.isfinite(noise) else float(np.std(rows.gap))
         by = weigh(
-            own.gap, own.blocks.cycle, np.full(own.t.size, noise), 0.0, np.zeros((own.t.size, 1))
+            rows.gap,
+            rows.blocks.cycle,
+            np.full(rows.t.size, noise),
+            0.0,
+            np.zeros((rows.t.size, 1)),
         )
         path, phase = data.named(kind)
-        share = float(np.sum(own.gap**2)) / squares
+        share = float(np.sum(rows.gap**2)) / squares
         found.append(
             msgspec.structs.replace(
                 by, channel=path.channel, phase=phase, stage=path.place, share=share
@@ -268,8 +272,10 @@ def _closure(fit: StageFit, seed: int) -> StageClosure:
     for number in counted:
         here = rows.path == number
         noise = [
-            _noise(rows.some(own), after[own]) ** 2 * own.size / max(int(np.count_nonzero(here)), 1)
-            for kind, own in _kinds(rows)
+            _noise(rows.some(blocks), after[blocks]) ** 2
+            * blocks.size
+            / max(int(np.count_nonzero(here)), 1)
+            for kind, blocks in _kinds(rows)
             if kind // len(PARTS_OF_RUN) == number
         ]
         before, left = (rms(x[here]) if here.any() else 0.0 for x in (rows.gap, after))

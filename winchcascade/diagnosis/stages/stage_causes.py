@@ -162,15 +162,15 @@ def _stabilities(fit: StageFit) -> dict[str, Stability]:
     rows, columns = noise.whitened(noise.within), fit.columns_of(best)
     given = rows[:, -1] - rows[:, columns] @ best.x - rows[:, len(data.names) : -1] @ best.nu
     cycles = np.unique(data.rows.blocks.cycle)
-    cycle, own = (
+    cycle, weight = (
         noise.fold // -(-FOLDS // cycles.size),
         weights(given),
     )  # the folds of a cycle together
     found = {}
     for k, name in enumerate(best.names):
         column = rows[:, columns[k]]
-        height = np.maximum(np.bincount(cycle, own * column**2, cycles.size), 1e-300)
-        values = best.x[k] + np.bincount(cycle, own * column * given, cycles.size) / height
+        height = np.maximum(np.bincount(cycle, weight * column**2, cycles.size), 1e-300)
+        values = best.x[k] + np.bincount(cycle, weight * column * given, cycles.size) / height
         u = np.hypot(height**-0.5, LAW * best.x[k])
         known, whole = (
             COVERED * u < 2.0 * best.free.sd[k],

@@ -98,8 +98,8 @@ class StageNoise(msgspec.Struct, frozen=True):
 
 def folds_of(cycle: Index) -> Index:
     """Fold of each row, (m,) from 0: its cycle or, where cycles are few, a piece of it."""
-    own, place, count = np.unique(cycle, return_inverse=True, return_counts=True)
-    pieces = -(-FOLDS // own.size)
+    cycles, place, count = np.unique(cycle, return_inverse=True, return_counts=True)
+    pieces = -(-FOLDS // cycles.size)
     rank = np.arange(place.size) - np.searchsorted(place, place)
     found: Index = place * pieces + rank * pieces // count[place]
     return found
@@ -167,7 +167,7 @@ def _split(rows: StageRows, paths: int) -> tuple[Signal, Index, Index, Index]:
     kinds = paths * len(PARTS_OF_RUN)
     stretch = folds_of(rows.blocks.cycle) * kinds + rows.kind
     order = np.argsort(stretch, kind="stable")
-    own, begin, place, size = np.unique(
+    stretches, begin, place, size = np.unique(
         stretch[order], return_index=True, return_inverse=True, return_counts=True
     )
     rank = np.arange(order.size) - np.repeat(begin, size)
@@ -182,8 +182,8 @@ def _split(rows: StageRows, paths: int) -> tuple[Signal, Index, Index, Index]:
         about.append(np.sqrt(0.5 * count) * (row - (summed(owner, row * count) / total)[owner]))
     whole = np.column_stack([rows.columns, rows.known, rows.gap])[order]
     values = np.vstack([*about, summed(place, whole) / np.sqrt(total)])
-    fold, kind = np.divmod(np.concatenate([own[owner], own[owner], own]), kinds)
-    of_mean = np.repeat([0, 1], [2 * owner.size, own.size])
+    fold, kind = np.divmod(np.concatenate([stretches[owner], stretches[owner], stretches]), kinds)
+    of_mean = np.repeat([0, 1], [2 * owner.size, stretches.size])
     order = np.argsort(fold, kind="stable")
     return values[order], fold[order], kind[order], of_mean[order]
 
@@ -232,8 +232,8 @@ class StageProblem(msgspec.Struct, frozen=True):
         left = self.rows[:, -1] - self.rows[:, len(names) : -1] @ nu
         found = np.repeat(left[:, None], len(several), axis=1)
         for k, effects in enumerate(several):
-            own = [names.index(one.effect.name) for one in effects]
-            found[:, k] -= self.rows[:, own] @ np.array([one.values[0] for one in effects])
+            columns = [names.index(one.effect.name) for one in effects]
+            found[:, k] -= self.rows[:, columns] @ np.array([one.values[0] for one in effects])
         return found
 
     def nuisance_columns(
@@ -273,7 +273,7 @@ class StageFit(msgspec.Struct, frozen=True):
         Withheld ones by the fit as it is, others by that without their fold, which follows from the
         quadratic about the fit.
         """
-        rows, own, size, groups = (
+        rows, columns, size, groups = (
             self.data.judged,
             self.columns_of(fit),
             fit.x.size,
@@ -282,8 +282,8 @@ class StageFit(msgspec.Struct, frozen=True):
         left: Signal = rows.gap - self.power(rows, fit) - rows.known @ fit.nu
         if self.data.withheld.any() or not (fit.names or fit.nu.size):
             return left
-        design = np.hstack([self.rows[:, own], self.rows[:, len(self.data.names) : -1]])
-        there = np.hstack([rows.columns[:, own], rows.known])
+        design = np.hstack([self.rows[:, columns], self.rows[:, len(self.data.names) : -1]])
+        there = np.hstack([rows.columns[:, columns], rows.known])
         weighted, fold = design * weights(fit.z)[:, None], folds_of(rows.blocks.cycle)
         whole = weighted.T @ design + np.diag([*fit.free.sd**-2.0, *np.ones(fit.nu.size)])
         for g in range(int(fold.max()) + 1):
@@ -367,8 +367,11 @@ def most_probable(fit: StageFit) -> StageFit:
 
 def _least_squares(problem: StageProblem, marginal: Marginal, names: Names) -> dict[str, Signal]:
     """Fields of a set by least squares within their bounds, for a robust fit to begin from."""
-    free, own = freedom(*(problem.suspects[name] for name in names)), [*problem.suspects]
-    columns = marginal(problem.rows[:, [own.index(name) for name in names]])
+    free, names_of_columns = (
+        freedom(*(problem.suspects[name] for name in names)),
+        [*problem.suspects],
+    )
+    columns = marginal(problem.rows[:, [names_of_columns.index(name) for name in names]])
     curve = columns.T @ columns + np.diag(free.sd**-2.0)
     x = minimum_within(curve, columns.T @ marginal(problem.rows[:, -1]), free.minimum, free.maximum)
     return {name: x[k : k + 1] for k, name in enumerate(names)}
@@ -431,9 +434,9 @@ def _dependence(data: StageData, rows: Signal, fold: Index) -> float:
     columns = rows[:, np.concatenate([plain, known])]
     inverse = independent(columns, np.concatenate([np.zeros(plain.size), np.ones(known.size)]))
     left = gap - columns @ (inverse @ (columns.T @ gap))
-    own = columns[:, : plain.size]
-    inner = independent(own, np.zeros(plain.size))
+    laws = columns[:, : plain.size]
+    inner = independent(laws, np.zeros(plain.size))
     scores = np.zeros((int(fold.max()) + 1, plain.size))
-    np.add.at(scores, fold, own * left[:, None])
-    spread, count = float(np.sum(scores @ inner * scores)), float(np.trace(inner @ own.T @ own))
+    np.add.at(scores, fold, laws * left[:, None])
+    spread, count = float(np.sum(scores @ inner * scores)), float(np.trace(inner @ laws.T @ laws))
     return max(len(scores) / (len(scores) - 1.0) * spread / max(count, 1.0), 1.0)

@@ -124,9 +124,8 @@ def make_loss_map(runs: Sequence[Run], rig: Rig) -> LossMap:
     data = stage_data(Entries(runs), rig, EFFECTS, paths=[path], mapped=True)
     if "" in data.axes[0]:
         raise RigError(
-            f"rig {rig.name}: a loss map needs a motion and a load of one stage, such as speed "
-            f"and torque, from "
-            f"{path.into.name} to {path.out.name}; log both."
+            f"rig {rig.name}: a loss map needs a motion and a load of one stage, such as speed and "
+            f"torque, from {path.into.name} to {path.out.name}; log both."
         )
     fit = most_probable(fit_of(data))
     best, rows = fit.found.best, data.rows
@@ -136,8 +135,7 @@ def make_loss_map(runs: Sequence[Run], rig: Rig) -> LossMap:
     if not moves.any():
         raise LogError(
             f"{runs[0].name}: no operating point for a loss map, as {data.axes[0][0]} is 0 "
-            f"throughout; "
-            "expected a stage at work."
+            "throughout; expected a stage at work."
         )
     motion, load = (
         np.linspace(float(x.min()), float(x.max()), BREAKPOINTS) for x in places[moves].T
@@ -173,10 +171,10 @@ def _laws(fit: StageFit) -> tuple[MappedLaw, ...]:
     """
     found, rows = {cause.effect: cause for cause in stage_causes(fit)}, []
     for name, one in fit.data.laws.items():
-        label, own = fit.data.suspects[name].label, found.get(name)
-        if own is not None:
-            alike = tuple(other.effect for other in own.look_alikes)
-            rows.append(MappedLaw(name, label, next(iter(own.parameters.values())), alike))
+        label, named = fit.data.suspects[name].label, found.get(name)
+        if named is not None:
+            alike = tuple(other.effect for other in named.look_alikes)
+            rows.append(MappedLaw(name, label, next(iter(named.parameters.values())), alike))
         elif one.stated is not None:
             value, half = one.stated.value, COVERED * one.stated.u
             rows.append(
@@ -202,8 +200,8 @@ def _surface(fit: StageFit, grid: Signal) -> tuple[Signal, Signal]:
         for law in data.laws.values()
     ]
     slopes = np.zeros((power.size, len(mapped)))
-    for k, (law, own) in enumerate(zip(data.laws.values(), mapped, strict=True)):
-        if own:
+    for k, (law, is_mapped) in enumerate(zip(data.laws.values(), mapped, strict=True)):
+        if is_mapped:
             slopes[:, k] = -one.column(law.law)
     shape = (*grid.shape[:-1], len(best.names))
     return (slopes @ data.numbers(best.names, best.x)).reshape(shape[:-1]), slopes[

@@ -193,9 +193,8 @@ def data_of(
     if not np.all(power) or (line and np.any(sizes[of_line] == 0.0)):
         what = "line speed, line tension or mechanical power" if line else "a power or its signal"
         raise LogError(
-            f"{parts[0].run.name}: {what} is 0 throughout the cycles of the fit; a diagnosis "
-            f"needs a rig at work, so choose "
-            "other cycles or check the columns."
+            f"{parts[0].run.name}: {what} is 0 throughout the cycles of the fit; a diagnosis needs "
+            "a rig at work, so choose other cycles or check the columns."
         )
     moving = sizes > 0.0
     laws = {name: one for (name, one), moves in zip(laws.items(), moving, strict=True) if moves}
@@ -244,14 +243,14 @@ def rows_of(
         powers = t, one.power_in, one.power_out - one.power_in
         means, halves = _means([*powers, *places, *columns, *path.known], blocks, path.good, here)
         kept = blocks.some(here)
-        own = np.maximum(kept.cycle, 1)  # rest before the first payout belongs to its cycle
+        counted = np.maximum(kept.cycle, 1)  # rest before the first payout belongs to its cycle
         split, beside = 5 + len(columns), np.hstack([halves[::-1, 5:], halves[:, 2:3]])
         tables.append(
             StageRows(
                 part=np.full(kept.size, log),
                 path=np.full(kept.size, k),
-                blocks=msgspec.structs.replace(kept, cycle=own),
-                own_cycle=own,
+                blocks=msgspec.structs.replace(kept, cycle=counted),
+                own_cycle=counted,
                 t=means[0],
                 width=width[here],
                 given=means[1],

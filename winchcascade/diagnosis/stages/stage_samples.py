@@ -103,8 +103,8 @@ def stage_data(
         if table.t.size < needed:
             raise CampaignError(
                 f"{run.name}: {table.t.size} blocks of samples hold the powers of both stages in "
-                f"the cycles that count, "
-                f"and {needed} are needed; name more cycles or use a longer log."
+                f"the cycles that count, and {needed} are needed; name more cycles or use a longer "
+                "log."
             )
         tables.append(table)
     return data_of(entries.runs, entries.withheld, chosen, laws, axes, tables)

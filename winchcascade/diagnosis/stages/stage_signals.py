@@ -144,9 +144,8 @@ def paths_of(runs: Sequence[Run], rig: Rig) -> tuple[StagePath, ...]:
         )
         raise LogError(
             f"{runs[0].name}: laws of stages follow from the powers of two stages, and rig "
-            f"{rig.name} with its logs gives "
-            f"{len(known)}; it lacks that of {places}. Log its channels, or name their columns "
-            f"under [columns] in the rig file."
+            f"{rig.name} with its logs gives {len(known)}; it lacks that of {places}. Log its "
+            "channels, or name their columns under [columns] in the rig file."
         )
     return tuple(StagePath(into, out) for into, out in pairwise(known))
 
@@ -154,7 +153,7 @@ def paths_of(runs: Sequence[Run], rig: Rig) -> tuple[StagePath, ...]:
 def stage_signals(run: Run, rig: Rig, path: StagePath) -> StageSignals:
     """Powers and signals of one path in one log."""
     channels, radius = run.channels, rig.r_drum
-    own: dict[str, Signal] = {}
+    signals: dict[str, Signal] = {}
     powers = [
         power
         for stage in (path.into, path.out)
@@ -174,26 +173,26 @@ def stage_signals(run: Run, rig: Rig, path: StagePath) -> StageSignals:
             if (signal := SIGNALS.get(dimension)) is not None:
                 found[signal] = found.get(signal, 0.0) + channels[name]
         incoming = incoming or found.keys()
-        own = found | own
+        signals = found | signals
     line, shaft = (
         any(end.name == name for end in (path.into, path.out)) for name in ("line", "mech")
     )
     if line:
-        own = {name: x for name, x in own.items() if name not in ("speed", "torque")}
-        own |= {
+        signals = {name: x for name, x in signals.items() if name not in ("speed", "torque")}
+        signals |= {
             name: channels[name]
             for name in ("velocity", "displacement", "pressure")
             if name in channels
         }
     elif shaft:
-        own |= _of_shaft(run, rig, power_in if path.into.name == "mech" else power_out)
-        own.pop("velocity", None)
+        signals |= _of_shaft(run, rig, power_in if path.into.name == "mech" else power_out)
+        signals.pop("velocity", None)
     shaft_goes_in = path.into.name == "mech" and not line
-    at_out = axes_of(own)[0] not in incoming and not shaft_goes_in
-    own["power"] = np.abs(power_out if at_out and "" not in axes_of(own) else power_in)
+    at_out = axes_of(signals)[0] not in incoming and not shaft_goes_in
+    signals["power"] = np.abs(power_out if at_out and "" not in axes_of(signals) else power_in)
     if not {path.into.name, path.out.name} <= {"line", "mech"}:
-        own["drive"] = own["power"]
-    return StageSignals(run.t, power_in, power_out, own, errors)
+        signals["drive"] = signals["power"]
+    return StageSignals(run.t, power_in, power_out, signals, errors)
 
 
 def _of_shaft(run: Run, rig: Rig, power: Signal) -> dict[str, Signal]:

@@ -56,9 +56,9 @@ def _declared(
     kind: str, name: str, table: dict[str, object], fields: list[dict[str, object]]
 ) -> Effect:
     """Make an effect of its table: stage and name are its place."""
-    own = [{**DEFAULTS.get(kind, {}), **field} for field in fields]
+    declared = [{**DEFAULTS.get(kind, {}), **field} for field in fields]
     effect: Effect = msgspec.convert(
-        {"stage": kind, **_texts(table), "name": name, "fields": own}, Effect
+        {"stage": kind, **_texts(table), "name": name, "fields": declared}, Effect
     )
     return msgspec.structs.replace(effect, **ACTS.get(name, {}))
 
