@@ -401,6 +401,7 @@ def _number_in(found: Found, fit: Fit, name: str) -> Reported:
     """The number of one suspect of a fit, without an interval."""
     effect, own = found.problem.suspects[name], fit.place[name]
     free, x = fit.free.some(range(own.start, own.stop)), fit.x[own]
-    beyond = bool(np.any((x > free.high) | (x < free.low)))
+    decides = slope_of_reported(effect, x) != 0.0
+    beyond = bool(np.any(decides & ((x > free.high) | (x < free.low))))
     value = with_values(effect, x).reported
     return Reported(value, -math.inf, math.inf, effect.unit, beyond_range=beyond)
