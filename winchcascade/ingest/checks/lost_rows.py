@@ -10,9 +10,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from winchcascade.core.integrate import BLOCK, GAUSS, median
+from winchcascade.core.integrate import BLOCK, GAUSS, median, quantile
 from winchcascade.core.run import Finding, Repair, Signal
 from winchcascade.ingest.checks.samples import OF_NOISE, Samples, whole
+
+OF_USUAL = 3.0
+"""Smallest jump, in the 95 % quantile of the travel beyond the velocity elsewhere: a slow line
+travels steps of its encoder, of which white noise knows nothing. [1]"""
 
 OF_STEP = 1.5
 """Smallest jump, in steps of the displacement, which an update puts before or behind a row. [1]"""
@@ -115,7 +119,8 @@ def _jumps(log: Samples) -> list[tuple[int, float, float]]:
     size = np.concatenate(sizes)
     if size.size < 4 * SIDE:
         return []
-    least = max(OF_NOISE * GAUSS * median(size), OF_STEP * log.level("displacement").step)
+    least = max(OF_USUAL * quantile(size, 0.95), OF_NOISE * GAUSS * median(size))
+    least = max(least, OF_STEP * log.level("displacement").step)
     for first in range(0, t.size - 1, BLOCK):
         interval, speed, beyond = _steps(t, x, v, first, min(first + BLOCK, t.size - 1))
         large = (np.abs(beyond) > np.maximum(least, ROW * np.abs(speed) * interval)) & (
