@@ -16,7 +16,11 @@ from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.explain.validation import Compared
 from winchcascade.diagnosis.explain.windowed import QUANTITIES, quantities_of, windowed
-from winchcascade.diagnosis.fit.covariance import covariance_without, predictive_covariance
+from winchcascade.diagnosis.fit.covariance import (
+    covariance_without,
+    joint_covariance,
+    predictive_covariance,
+)
 from winchcascade.diagnosis.fit.nuisances import SKEW, stated_share
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.verdict_limits import AS_GOOD
@@ -189,6 +193,18 @@ def test_a_fit_without_the_logs_of_a_load_knows_less(name: str) -> None:
         scale = np.sqrt(np.maximum(np.diag(joint), 1e-12))
         assert np.linalg.eigvalsh(more / np.outer(scale, scale))[0] > -1e-6
         assert np.trace(more / np.outer(scale, scale)) > 1.0
+
+
+def test_a_discrepancy_that_the_fit_does_not_find_widens_no_prediction() -> None:
+    found = diagnosed("copper")
+    allowed, predictive = (
+        joint_covariance(found.found),
+        predictive_covariance(found.data, found.found),
+    )
+    scale = np.sqrt(np.maximum(np.diag(allowed), 1e-12))
+    for covariance in (predictive, allowed - predictive):
+        assert np.linalg.eigvalsh(covariance / np.outer(scale, scale))[0] > -1e-6
+    assert np.diag(predictive)[0] < np.diag(allowed)[0]
 
 
 def test_cycles_of_the_only_load_are_not_held_out_as_a_load() -> None:
