@@ -81,9 +81,7 @@ class Linear:
                 x[k : k + len(one.values), column] = one.values
         return (self.measured - self.moves @ nu)[:, None] - self.ways @ x
 
-    def nuisance_columns(
-        self, effects: Sequence[ActiveEffect], nu: Signal, _serves: float
-    ) -> Columns:
+    def nuisance_columns(self, effects: Sequence[ActiveEffect], nu: Signal) -> Columns:
         assert len(effects) <= len(NAMES)
         assert nu.size == DENSE + LOCAL
         return self.moves

@@ -95,9 +95,7 @@ class Hidden:
             z[:, column] = self.measured - self.ways @ self.shape(x)
         return z
 
-    def nuisance_columns(
-        self, _effects: Sequence[ActiveEffect], _nu: Signal, _serves: float
-    ) -> Columns:
+    def nuisance_columns(self, _effects: Sequence[ActiveEffect], _nu: Signal) -> Columns:
         return Columns(np.zeros((ROWS, 0)), csr_array((ROWS, 0)))
 
 
@@ -314,9 +312,7 @@ class Breaking(Hidden):
     def nuisances(self) -> int:
         return 2
 
-    def nuisance_columns(
-        self, _effects: Sequence[ActiveEffect], _nu: Signal, _serves: float
-    ) -> Columns:
+    def nuisance_columns(self, _effects: Sequence[ActiveEffect], _nu: Signal) -> Columns:
         dense = np.random.default_rng(2).normal(size=(ROWS, 2))
         dense[:, 0] *= 1e200
         dense[7, 0] = np.nan
@@ -325,7 +321,7 @@ class Breaking(Hidden):
 
 def test_a_number_with_which_nothing_can_be_simulated_moves_nothing() -> None:
     problem = Breaking()
-    marginal = Marginal(np.zeros(2), problem.nuisance_columns([], np.zeros(2), 0.0))
+    marginal = Marginal(np.zeros(2), problem.nuisance_columns([], np.zeros(2)))
     assert np.isfinite(marginal(problem.measured)).all()
     assert marginal.spread[0].tolist() == [1.0, 0.0]
     found = search(problem)

@@ -328,9 +328,7 @@ class TableProblem:
         """No suspect is less probable than another."""
         return 0.0
 
-    def nuisance_columns(
-        self, _effects: Sequence[ActiveEffect], _nu: Signal, _serves: float
-    ) -> Columns:
+    def nuisance_columns(self, _effects: Sequence[ActiveEffect], _nu: Signal) -> Columns:
         """No nuisance: the standard uncertainties hold the tolerances of the rig."""
         from scipy.sparse import csr_array
 

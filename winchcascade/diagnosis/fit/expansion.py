@@ -13,7 +13,6 @@ import numpy as np
 from winchcascade.diagnosis.fit.evidence import Evidence, Fit, minimum_within, prior_of
 from winchcascade.diagnosis.fit.fit_set import begun, columns_of, fit_set, located
 from winchcascade.diagnosis.fit.marginal import Marginal, Problem, weights
-from winchcascade.diagnosis.fit.nearby import CLOSELY
 from winchcascade.diagnosis.fit.suspects import Freedom, freedom, places_of
 from winchcascade.diagnosis.verdict_limits import CLEARLY, REACH
 
@@ -30,14 +29,12 @@ PAIRED = 12
 them."""
 
 
-def marginal_about(
-    problem: Problem, effects: Sequence[ActiveEffect], nu: Signal, serves: float = CLOSELY
-) -> Marginal:
+def marginal_about(problem: Problem, effects: Sequence[ActiveEffect], nu: Signal) -> Marginal:
     """The nuisances of a problem integrated out about some effects and nuisances, these within
-    `REACH`, by derivatives as for `expand`.
+    `REACH`.
     """
     place = np.clip(nu, -REACH, REACH)
-    return Marginal(place, problem.nuisance_columns(effects, place, serves))
+    return Marginal(place, problem.nuisance_columns(effects, place))
 
 
 def start_of(fit: Fit) -> dict[str, Signal]:
@@ -114,7 +111,6 @@ def expand(
     names: Names,
     start: Mapping[str, Signal],
     scale: float,
-    serves: float = CLOSELY,
 ) -> tuple[Fit, Expansion]:
     """Fit a set, and expand the objective about it in the fields of every suspect.
 
@@ -122,15 +118,12 @@ def expand(
     ----------
     start : fields to begin from by suspect
     scale : square by which the noise exceeds its estimate
-    serves : share of the way from another place that its derivatives may miss [1]
     """
     suspects, effects = problem.suspects, tuple(problem.suspects)
     place, free = places_of(suspects, effects), freedom(*suspects.values())
     begin = located(problem, marginal, names, begun(suspects, names, start))
-    first = columns_of(problem, marginal, begin, names, serves)
-    exact_below = math.inf if serves <= CLOSELY else -math.inf
-    fit = fit_set(problem, marginal, names, start, first, exact_below)
-    columns = columns_of(problem, marginal, fit, effects, serves)
+    fit = fit_set(problem, marginal, names, start, columns_of(problem, marginal, begin, names))
+    columns = columns_of(problem, marginal, fit, effects)
     own = [k for name in names for k in range(free.absent.size)[place[name]]]
     value = free.absent.copy()
     value[own] = fit.x
@@ -165,14 +158,11 @@ def neighbours(expansion: Expansion, names: Names) -> list[Names]:
 
 
 class Centre(msgspec.Struct, frozen=True):
-    """A fit about which the objective is expanded, and the nuisances are integrated out, by
-    derivatives that miss a share `serves` of the way from another place at most [1].
-    """
+    """A fit about which the objective is expanded, and the nuisances are integrated out."""
 
     fit: Fit
     expansion: Expansion
     marginal: Marginal
-    serves: float = CLOSELY
 
     def moved_to(self, fit: Fit, evidence: Evidence) -> Expansion:
         """From where nothing acts to about a single suspect: with the derivatives from here,

@@ -150,12 +150,8 @@ class Problem(Protocol):
         serves : share of the way from another place that its derivatives may miss [1]
         """
 
-    def nuisance_columns(
-        self, effects: Sequence[ActiveEffect], nu: Signal, serves: float
-    ) -> Columns:
-        """Whitened derivative of the prediction over the nuisances, in units of their tolerance;
-        those of another place serve as for `residuals`.
-        """
+    def nuisance_columns(self, effects: Sequence[ActiveEffect], nu: Signal) -> Columns:
+        """Whitened derivative of the prediction over the nuisances, in units of their tolerance."""
 
 
 class Marginal:

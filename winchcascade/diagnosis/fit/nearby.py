@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from winchcascade.rig.parts import Model
 
 
-CLOSELY, ROUGHLY, SERVES = 0.05, 0.1, 0.2
+CLOSELY, SERVES = 0.05, 0.2
 """Share of the way from another place that its derivatives may miss to serve for a fit, about as
-much as one by a finite step; on the way to a better fit; and for uncertainties. [1]
+much as one by a finite step; and for uncertainties. [1]
 """
 
 

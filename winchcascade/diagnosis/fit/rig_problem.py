@@ -10,6 +10,7 @@ import numpy as np
 from winchcascade.diagnosis.fit.entries import price_of
 from winchcascade.diagnosis.fit.marginal import WILD, Columns, Together, huber
 from winchcascade.diagnosis.fit.misfit import Fitted
+from winchcascade.diagnosis.fit.nearby import CLOSELY
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.suspects import with_values
 from winchcascade.rig.effects.catalogue import SIMPLIFICATIONS
@@ -89,8 +90,6 @@ class RigProblem(msgspec.Struct, frozen=True):
         """Blocks, (M, 5, k), as residuals; `WILD` where nothing can be simulated."""
         return np.clip(np.nan_to_num(self.data.whiten(gap), nan=WILD), -WILD, WILD)
 
-    def nuisance_columns(
-        self, effects: Sequence[ActiveEffect], nu: Signal, serves: float
-    ) -> Columns:
+    def nuisance_columns(self, effects: Sequence[ActiveEffect], nu: Signal) -> Columns:
         """Whitened derivative of the prediction over the nuisances."""
-        return self.data.columns(nu, effects, serves=serves)
+        return self.data.columns(nu, effects, serves=CLOSELY)

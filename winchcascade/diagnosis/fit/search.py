@@ -21,7 +21,7 @@ from winchcascade.diagnosis.fit.expansion import (
 )
 from winchcascade.diagnosis.fit.fit_set import WORTHWHILE, columns_of, fit_set
 from winchcascade.diagnosis.fit.marginal import Marginal, Problem, huber
-from winchcascade.diagnosis.fit.nearby import CLOSELY, ROUGHLY, SERVES
+from winchcascade.diagnosis.fit.nearby import SERVES
 from winchcascade.diagnosis.fit.suspects import with_values
 from winchcascade.diagnosis.verdict_limits import REACH
 
@@ -158,26 +158,22 @@ class Found(msgspec.Struct, frozen=True):
         found = [fit for names, fit in self.fits.items() if len(names) == 1]
         return sorted(found, key=weighing(self).of, reverse=True)[:SINGLES]
 
-    def about(self, fit: Fit, serves: float = CLOSELY) -> Centre:
+    def about(self, fit: Fit) -> Centre:
         """The expansion of the objective about a fit, which replaces older fits of its set; made
         anew, `ANEW` times at most, as long as the nuisances move by more than `NEAR_ZERO`.
-
-        Parameters
-        ----------
-        serves : share of the way from another place that its derivatives may miss [1]
         """
         problem = self.problem
         for _ in range(ANEW):
-            marginal = marginal_about(problem, fit.effects(problem.suspects), fit.nu, serves)
+            marginal = marginal_about(problem, fit.effects(problem.suspects), fit.nu)
             there, expansion = expand(
-                problem, marginal, fit.names, start_of(fit), weighing(self).scale, serves
+                problem, marginal, fit.names, start_of(fit), weighing(self).scale
             )
             moved = np.clip(there.nu, -REACH, REACH) - marginal.place
-            if serves > CLOSELY or np.max(np.abs(moved), initial=0.0) <= NEAR_ZERO:
+            if np.max(np.abs(moved), initial=0.0) <= NEAR_ZERO:
                 break
             fit = there
         self.fits[fit.names] = there
-        self.centres[fit.names] = Centre(there, expansion, marginal, serves)
+        self.centres[fit.names] = Centre(there, expansion, marginal)
         return self.centres[fit.names]
 
     def led_by(self, names: Names) -> Found:
@@ -210,12 +206,12 @@ def search(
     found = Found(null, {(): null}, expansion, marginal, {(): Centre(null, expansion, marginal)})
     begin = found.centres[()]
     if start is not None and start.names:
-        begin = found.about(start, ROUGHLY)
+        begin = found.about(start)
     _go(found, begin, on_progress)
     found = gone_on(found, on_progress)
     for fit in _single_starts(found):
         if fit.names not in found.centres:
-            _go(found, found.about(fit, ROUGHLY), on_progress)
+            _go(found, found.about(fit), on_progress)
     return _settled(gone_on(found, on_progress), on_progress)
 
 
@@ -234,10 +230,10 @@ def _settled(found: Found, on_progress: Callable[[str], None]) -> Found:
 
 def gone_on(found: Found, on_progress: Callable[[str], None] = lambda _: None) -> Found:
     """A search led by its best set, and gone on from each set with more evidence that was fitted
-    and not yet closely expanded about.
+    and not yet expanded about.
     """
-    while not _is_hopeless(top := max(found.sets().values(), key=weighing(found).worth)):
-        if top.names in found.centres and found.centres[top.names].serves <= CLOSELY:
+    while (top := max(found.sets().values(), key=weighing(found).worth)).names not in found.centres:
+        if _is_hopeless(top):
             break
         _go(found, found.about(top), on_progress)
     expanded = (fit for names, fit in found.sets().items() if names in found.centres)
@@ -279,7 +275,7 @@ def _go(found: Found, last: Centre, on_progress: Callable[[str], None]) -> None:
         top = max((last.fit, *(fits[names] for names in near)), key=evidence.worth)
         if top.names in found.centres:
             return
-        last = found.about(top, ROUGHLY)
+        last = found.about(top)
 
 
 def _is_more(evidence: Evidence, fit: Fit, other: Fit) -> bool:

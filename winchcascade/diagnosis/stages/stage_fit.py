@@ -236,9 +236,7 @@ class StageProblem(msgspec.Struct, frozen=True):
             found[:, k] -= self.rows[:, columns] @ np.array([one.values[0] for one in effects])
         return found
 
-    def nuisance_columns(
-        self, _effects: Sequence[ActiveEffect], _nu: Signal, _serves: float
-    ) -> Columns:
+    def nuisance_columns(self, _effects: Sequence[ActiveEffect], _nu: Signal) -> Columns:
         """Those of the rows."""
         return Columns(self.rows[:, len(self.suspects) : -1], csr_array((len(self.rows), 0)))
 
