@@ -44,9 +44,6 @@ def diagnosed(*names: str) -> ModelDiagnosis:
 DAILY = ("copper_heating",)
 """Effects that are diagnosed by themselves every day."""
 
-FRICTION = {name: EFFECTS[name] for name in ("gear_mesh_loss", "line_drag", "rotor_friction")}
-"""Suspects that take up noise of forces first."""
-
 
 @pytest.mark.parametrize("name", daily(PLANTED, DAILY))
 def test_a_planted_effect_is_named_with_its_size(name: str) -> None:
@@ -161,7 +158,7 @@ def test_an_eccentric_drum_is_no_noise() -> None:
         )
         for run in campaign({})
     ]
-    found = diagnose(swinging, calibrated_rig(), FRICTION)
+    found = diagnose(swinging, calibrated_rig(), EFFECTS)
     assert found.verdict == "unexplained"
     assert found.remainder is not None
     worst = found.remainder.alarms[0]
@@ -204,7 +201,7 @@ def test_a_tether_that_moves_also_at_rest_is_noise() -> None:
         )
         for run in campaign({})
     ]
-    assert diagnose(moved, calibrated_rig(), FRICTION).verdict == "no_gap"
+    assert diagnose(moved, calibrated_rig(), EFFECTS).verdict == "no_gap"
 
 
 def test_logs_without_a_channel_of_the_model_are_rejected_and_not_called_sound() -> None:
