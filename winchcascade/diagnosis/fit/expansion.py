@@ -116,16 +116,15 @@ def expand(
 
     Parameters
     ----------
-    start : fields to begin from by suspect
+    start : fields to begin from by suspect, near which the derivatives are taken
     scale : square by which the noise exceeds its estimate
     """
     suspects, effects = problem.suspects, tuple(problem.suspects)
     place, free = places_of(suspects, effects), freedom(*suspects.values())
     begin = located(problem, marginal, names, begun(suspects, names, start))
-    fit = fit_set(problem, marginal, names, start, columns_of(problem, marginal, begin, names))
-    columns = columns_of(problem, marginal, fit, effects)
+    columns = columns_of(problem, marginal, begin, effects)
     own = [k for name in names for k in range(free.absent.size)[place[name]]]
-    value = free.absent.copy()
+    fit, value = fit_set(problem, marginal, names, start, columns[:, own]), free.absent.copy()
     value[own] = fit.x
     acting = fit.acting(suspects)
     without = [[one for other, one in acting.items() if other != name] for name in names]

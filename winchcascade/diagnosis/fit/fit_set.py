@@ -10,7 +10,6 @@ import numpy as np
 
 from winchcascade.diagnosis.fit.evidence import Fit, minimum_within, prior_of
 from winchcascade.diagnosis.fit.marginal import WILD, Marginal, Problem, huber, weights
-from winchcascade.diagnosis.fit.nearby import CLOSELY
 from winchcascade.diagnosis.fit.suspects import freedom, places_of, varied, with_values
 
 if TYPE_CHECKING:
@@ -59,7 +58,7 @@ def columns_of(
     marginal: Marginal,
     fit: Fit,
     wanted: Sequence[str],
-    serves: float = CLOSELY,
+    serves: float = 0.0,
 ) -> Signal:
     """Derivative of the residuals of a fit over the fields of some suspects, which need not act,
     nuisances integrated out.
@@ -162,7 +161,7 @@ def fit_set(
     begin, promised = fit.loss, 0.0
     for _ in range(STEPS):
         if stale:
-            columns, fresh = columns_of(problem, marginal, fit, names, 0.0), True
+            columns, fresh = columns_of(problem, marginal, fit, names), True
         step, promised = _best_step(fit, columns)
         rough = fit.loss - promised > exact_below
         least = max(LEADING, ROUGH * (begin - fit.loss)) if rough else WORTHWHILE

@@ -10,7 +10,6 @@ import numpy as np
 from winchcascade.diagnosis.fit.entries import price_of
 from winchcascade.diagnosis.fit.marginal import WILD, Columns, Together, huber
 from winchcascade.diagnosis.fit.misfit import Fitted
-from winchcascade.diagnosis.fit.nearby import CLOSELY
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.suspects import with_values
 from winchcascade.rig.effects.catalogue import SIMPLIFICATIONS
@@ -92,4 +91,4 @@ class RigProblem(msgspec.Struct, frozen=True):
 
     def nuisance_columns(self, effects: Sequence[ActiveEffect], nu: Signal) -> Columns:
         """Whitened derivative of the prediction over the nuisances."""
-        return self.data.columns(nu, effects, serves=CLOSELY)
+        return self.data.columns(nu, effects, serves=0.0)
