@@ -36,9 +36,8 @@ settled.
 """
 
 
-LEADING, ROUGH = 1.0, 0.02
-"""Improvement of the objective below which a set has settled that only leads on, and the same as a
-share of what its fit has gained. [1]"""
+ROUGH = 0.02
+"""Share of its gain to which a set is fitted that only leads on. [1]"""
 
 
 REWEIGHTED = 20
@@ -144,8 +143,8 @@ def fit_set(
     start : fields to begin from by suspect; suspects without any begin absent
     columns : (n, k) derivative of the residuals there or near, which serves as long as it foresees
         what a step brings
-    exact_below : objective above which a step is not worth it that gains less than `LEADING` and
-        `ROUGH` say, nor a new derivative: most sets on a path only lead on
+    exact_below : objective above which a step is not worth it that gains less than `ROUGH` of what
+        the fit has gained: most sets on a path only lead on
     """
     names = tuple(sorted(names))
     free, x = (
@@ -156,24 +155,23 @@ def fit_set(
     def at(x: Signal) -> Fit:
         return located(problem, marginal, names, x)
 
-    fit, fresh, stale = at(np.clip(x, free.minimum, free.maximum)), columns is None, False
+    fit, fresh = at(np.clip(x, free.minimum, free.maximum)), columns is None
     columns = columns_of(problem, marginal, fit, names) if columns is None else columns
     begin, promised = fit.loss, 0.0
     for _ in range(STEPS):
-        if stale:
-            columns, fresh = columns_of(problem, marginal, fit, names), True
         step, promised = _best_step(fit, columns)
-        rough = fit.loss - promised > exact_below
-        least = max(LEADING, ROUGH * (begin - fit.loss)) if rough else WORTHWHILE
-        if promised < least:
+        rough = ROUGH if fit.loss - promised > exact_below else 0.0
+        if promised < max(WORTHWHILE, rough * (begin - fit.loss)):
             break
         tried = (at(np.clip(fit.x + share * step, free.minimum, free.maximum)) for share in SHARES)
         there = next((one for one in tried if one.loss < fit.loss), None)
-        if there is None and (fresh or rough):
+        if there is None and fresh:
             break
         gained = 0.0 if there is None else fit.loss - there.loss
         fit = there or fit
-        fresh, stale = False, not rough and gained < FORESEEN * promised
+        fresh = gained < FORESEEN * promised
+        if fresh:
+            columns = columns_of(problem, marginal, fit, names)
     nu, left = marginal.best(fit.given)
     weighted = columns * weights(fit.r)[:, None]
     return msgspec.structs.replace(

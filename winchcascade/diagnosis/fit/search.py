@@ -23,7 +23,6 @@ from winchcascade.diagnosis.fit.fit_set import WORTHWHILE, columns_of, fit_set
 from winchcascade.diagnosis.fit.marginal import Marginal, Problem, huber
 from winchcascade.diagnosis.fit.nearby import SERVES
 from winchcascade.diagnosis.fit.suspects import with_values
-from winchcascade.diagnosis.verdict_limits import REACH
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -168,8 +167,7 @@ class Found(msgspec.Struct, frozen=True):
             there, expansion = expand(
                 problem, marginal, fit.names, start_of(fit), weighing(self).scale
             )
-            moved = np.clip(there.nu, -REACH, REACH) - marginal.place
-            if np.max(np.abs(moved), initial=0.0) <= NEAR_ZERO:
+            if np.max(np.abs(there.nu - fit.nu), initial=0.0) <= NEAR_ZERO:
                 break
             fit = there
         self.fits[fit.names] = there
