@@ -10,6 +10,8 @@ import re
 import pytest
 from pages import DOCS, ROOT, shown
 
+from winchcascade.rig.effects.catalogue import EFFECTS
+
 NUMBER = r"[+-]?\d+(?:\.\d+)?"
 
 
@@ -20,8 +22,9 @@ def printed(page: str, command: str) -> str:
 
 
 def interval(text: str, row: str) -> tuple[float, float]:
-    """Interval in the only row that begins with a cell, or with a label and the cell in brackets."""
-    (line,) = re.findall(rf"^(?:[^()\n]* \()?{re.escape(row)}\)?  .*$", text, re.MULTILINE)
+    """Interval in the only row that begins with a cell, or with the label of an effect."""
+    first = EFFECTS[row].label if row in EFFECTS else row
+    (line,) = re.findall(rf"^(?:[^()\n]* \()?{re.escape(first)}\)?  .*$", text, re.MULTILINE)
     low, high = re.search(rf"({NUMBER}) to ({NUMBER})", line).groups()  # type: ignore[union-attr]
     return float(low), float(high)
 

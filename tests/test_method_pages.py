@@ -137,6 +137,10 @@ def test_the_efficiencies_of_the_screw_are_those_of_the_paper() -> None:
 
 
 # ------------------------------------------------------------------------------- adding an effect
+LABELLED = r"^\+\[\w+\.(\w+)\](?:\n\+.*)*?\n\+label = \"(.+)\""
+"""Name and label of an effect that a page adds to the catalogue, over several lines."""
+
+
 def test_the_added_effects_are_found_with_the_numbers_that_were_simulated() -> None:
     page = DOCS / "adding_an_effect.md"
     given = {
@@ -147,9 +151,8 @@ def test_the_added_effects_are_found_with_the_numbers_that_were_simulated() -> N
     )
     given |= {name: float(factor) * given[name] for name, factor in shown_by}
     (printed,) = shown(page).values()
-    rows = re.findall(
-        r"^(?:[^()\n]* \()?(\w+)\)? +[+-]\S+ .*?(\S+) to (\S+) ", printed, re.MULTILINE
-    )
-    found = {name: (float(low), float(high)) for name, low, high in rows}
+    rows = re.findall(r"^(\w[\w ]*?)  +[+-]\S+ .*?(\S+) to (\S+) ", printed, re.MULTILINE)
+    labels = {label: name for name, label in re.findall(LABELLED, read(page), re.MULTILINE)}
+    found = {labels[label]: (float(low), float(high)) for label, low, high in rows}
     assert found.keys() == given.keys()
     assert all(low <= given[name] <= high for name, (low, high) in found.items())
