@@ -17,7 +17,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.explain.validation import Compared
 from winchcascade.diagnosis.explain.windowed import QUANTITIES, quantities_of, windowed
 from winchcascade.diagnosis.fit.covariance import (
-    covariance_without,
+    covariances_without,
     joint_covariance,
     predictive_covariance,
 )
@@ -187,9 +187,9 @@ def test_the_uncertainty_of_the_inputs_is_what_the_rig_file_states() -> None:
 def test_a_fit_without_the_logs_of_a_load_knows_less(name: str) -> None:
     found = diagnosed(name)
     joint = predictive_covariance(found.data, found.found)
-    assert covariance_without(found.data, found.found, -1.0) == pytest.approx(joint)
+    assert covariances_without(found.data, found.found, [-1.0])[-1.0] == pytest.approx(joint)
     for load in LOGS.values():
-        more = covariance_without(found.data, found.found, load) - joint
+        more = covariances_without(found.data, found.found, [load])[load] - joint
         scale = np.sqrt(np.maximum(np.diag(joint), 1e-12))
         assert np.linalg.eigvalsh(more / np.outer(scale, scale))[0] > -1e-6
         assert np.trace(more / np.outer(scale, scale)) > 1.0

@@ -34,7 +34,7 @@ from winchcascade.diagnosis.explain.windowed import (
     windowed,
 )
 from winchcascade.diagnosis.fit.covariance import (
-    covariance_without,
+    covariances_without,
     joint_covariance,
     predictive_covariance,
 )
@@ -240,10 +240,7 @@ def contributions_of(
     ways, covariance = ways_of(data, suspects, best, names), joint_covariance(found)
     fit = Split(names, models, best.nu, ways, covariance)
     predictive = predictive_covariance(data, found)
-    without_load = {
-        load: covariance_without(data, found, load)
-        for load in {data.logs[k].load for k in held_out}
-    }
+    without_load = covariances_without(data, found, {data.logs[k].load for k in held_out})
 
     def account(number: int, window: float | None) -> tuple[WindowedLog, Accounts]:
         one = windowed(data, number, window)

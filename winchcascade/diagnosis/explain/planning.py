@@ -97,8 +97,8 @@ class Explanation(NamedTuple):
 
 def explanation_of(found: Found, fit: Fit) -> Explanation:
     """A fit as an explanation."""
-    effects = dict(zip(fit.names, fit.effects(found.problem.suspects), strict=True))
-    return Explanation(effects, fit.nu, joint_covariance(found, fit))
+    acting = fit.acting(found.problem.suspects)
+    return Explanation(acting, fit.nu, joint_covariance(found, fit))
 
 
 class Foreseen(NamedTuple):

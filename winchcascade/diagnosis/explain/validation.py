@@ -142,9 +142,7 @@ def _read(
     """
     run, suspects, nothing = one.log.run, found.problem.suspects, np.zeros(len(data.nuisances))
     errors = {
-        name: effect
-        for name, effect in zip(fit.names, fit.effects(suspects), strict=True)
-        if effect.effect.of_a_sensor
+        name: effect for name, effect in fit.acting(suspects).items() if effect.effect.of_a_sensor
     }
 
     def without(effects: Iterable[ActiveEffect], nu: Signal) -> Signal:

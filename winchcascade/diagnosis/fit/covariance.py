@@ -17,6 +17,8 @@ from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.search import Found
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from winchcascade.core.run import Signal
 
 
@@ -160,18 +162,21 @@ def _known_and_found(data: Fitted, found: Found, fit: Fit) -> tuple[Signal, Sign
     return known, discrepancy_found(data, fit.nu, 1.0 - np.diag(known)[-count:])
 
 
-def covariance_without(data: Fitted, found: Found, load: float) -> Signal:
-    """Covariance as `predictive_covariance` gives it, of the best fit without the logs of a load
+def covariances_without(
+    data: Fitted, found: Found, loads: Collection[float]
+) -> dict[float, Signal]:
+    """Covariance as `predictive_covariance` gives it, of the best fit without the logs of each load
     [ohm]: what these determine is added.
 
     What concerns one log alone stays as it is known, and a field at a bound stays there.
     """
-    loads = np.repeat([log.load for log in data.logs], data.sizes)
-    every, others = (
-        _known_by(data, found, found.best, rows)
-        for rows in (np.ones(loads.size), (loads != load).astype(np.float64))
-    )
-    return predictive_covariance(data, found) + others - every
+    of_blocks = np.repeat([log.load for log in data.logs], data.sizes)
+    known = _known_by(data, found, found.best, np.ones(of_blocks.size))
+    left = predictive_covariance(data, found) - known
+    return {
+        load: left + _known_by(data, found, found.best, (of_blocks != load).astype(np.float64))
+        for load in loads
+    }
 
 
 def _known_by(data: Fitted, found: Found, fit: Fit, taking: Signal) -> Signal:
@@ -184,7 +189,7 @@ def _known_by(data: Fitted, found: Found, fit: Fit, taking: Signal) -> Signal:
     """
     fields = -found.marginal.undone(found.columns(fit)) * inside_of(fit)
     of_a_log = np.zeros(fit.x.size, dtype=bool)
-    for name, effect in zip(fit.names, fit.effects(found.problem.suspects), strict=True):
+    for name, effect in fit.acting(found.problem.suspects).items():
         of_a_log[fit.place[name]] = log_of(effect) >= 0
     prior = np.diag([*fit.free.sd**-2.0, *np.ones(len(data.nuisances))])
     rows = np.repeat(taking, len(CHANNELS))

@@ -66,7 +66,7 @@ def columns_of(
     ----------
     serves : share of the way from another place that its derivatives may miss [1]
     """
-    acting = dict(zip(fit.names, fit.effects(problem.suspects), strict=True))
+    acting = fit.acting(problem.suspects)
     variants, steps = [], []
     for name in wanted:
         here = fit.x[fit.place[name]] if name in acting else freedom(problem.suspects[name]).absent

@@ -214,7 +214,7 @@ def _left_by(found: ModelDiagnosis, fit: Fit) -> RigPosterior:
     chosen = [j for j, n in enumerate(data.nuisances) if n.kind in OF_THE_RIG]
     kept = {
         name: effect
-        for name, effect in zip(fit.names, fit.effects(found.suspects), strict=True)
+        for name, effect in fit.acting(found.suspects).items()
         if not effect.effect.of_a_sensor and log_of(effect) < 0 and effect.effect.path != LOAD
     }
     fields = [k for name in kept for k in range(fit.place[name].start, fit.place[name].stop)]
