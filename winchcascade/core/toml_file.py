@@ -54,13 +54,16 @@ def toml_values(text: str, where: str, fault: type[WinchcascadeError]) -> Table:
     {'a': 1}
     """
     try:
-        return tomllib.loads(text)
+        values = tomllib.loads(text)
     except (
         ValueError,
         RecursionError,
     ) as found:  # a ValueError: Python reads no number of thousands of digits
         stated = f"{where}: not a valid TOML file: {found}.{_hint(text, str(found))}"
         raise fault(_no_toml(where) or stated) from None
+    if not values and _no_toml(where):
+        raise fault(_no_toml(where))
+    return values
 
 
 def _no_toml(where: str) -> str:
