@@ -31,8 +31,10 @@ def number_rows(
     OptionError : the file cannot be read, has other columns or no row, or a row is none
     """
     place, header = f"{option} {path}".strip(), ",".join(columns)
+    if path.exists() and not path.is_file():
+        raise OptionError(f"{place}: is not a file; expected a table that begins with {header}.")
     try:
-        head, *lines = path.read_text(encoding="utf-8-sig").splitlines()
+        head, *lines = path.read_text(encoding="utf-8-sig").splitlines() or [""]
     except (OSError, ValueError) as fault:
         raise OptionError(f"{place}: cannot be read ({fault}); expected {header}.") from None
     if [cell.strip() for cell in head.split(",")] != [*columns]:
