@@ -5,6 +5,7 @@ is worth, in closed form.
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -17,7 +18,7 @@ from winchcascade.diagnosis.fit.suspects import Freedom, freedom, places_of
 from winchcascade.diagnosis.verdict_limits import CLEARLY, REACH
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.diagnosis_result import Names
@@ -105,26 +106,43 @@ class Expansion(msgspec.Struct, frozen=True):
         return self.rated(names) - CLEARLY * len(names)
 
 
-def expand(
-    problem: Problem,
-    marginal: Marginal,
-    names: Names,
-    start: Mapping[str, Signal],
-    scale: float,
-) -> tuple[Fit, Expansion]:
-    """Fit a set, and expand the objective about it in the fields of every suspect.
+def begun_at(
+    problem: Problem, marginal: Marginal, names: Names, start: Mapping[str, Signal]
+) -> tuple[Fit, Fit]:
+    """Where the fit of a set begins, and the fit from there.
 
     Parameters
     ----------
-    start : fields to begin from by suspect, near which the derivatives are taken
+    start : fields to begin from by suspect
+    """
+    begin = located(problem, marginal, names, begun(problem.suspects, names, start))
+    columns = columns_of(problem, marginal, begin, names)
+    return begin, fit_set(problem, marginal, names, start, columns)
+
+
+def expand(
+    problem: Problem, marginal: Marginal, names: Names, start: Mapping[str, Signal], scale: float
+) -> tuple[Fit, Expansion]:
+    """Fit a set, and expand the objective about it, with the parameters of `begun_at` and
+    `expanded`.
+    """
+    begin, fit = begun_at(problem, marginal, names, start)
+    return fit, expanded(problem, marginal, begin, fit, scale)
+
+
+def expanded(problem: Problem, marginal: Marginal, begin: Fit, fit: Fit, scale: float) -> Expansion:
+    """The objective about a fit, expanded in the fields of every suspect.
+
+    Parameters
+    ----------
+    begin : place near the fit at which the derivatives are taken
     scale : square by which the noise exceeds its estimate
     """
-    suspects, effects = problem.suspects, tuple(problem.suspects)
+    suspects, effects, names = problem.suspects, tuple(problem.suspects), fit.names
     place, free = places_of(suspects, effects), freedom(*suspects.values())
-    begin = located(problem, marginal, names, begun(suspects, names, start))
     columns = columns_of(problem, marginal, begin, effects)
     own = [k for name in names for k in range(free.absent.size)[place[name]]]
-    fit, value = fit_set(problem, marginal, names, start, columns[:, own]), free.absent.copy()
+    value = free.absent.copy()
     value[own] = fit.x
     acting = fit.acting(suspects)
     without = [[one for other, one in acting.items() if other != name] for name in names]
@@ -136,24 +154,44 @@ def expand(
     both = np.hstack([columns, removed])
     weighted = both * weights(fit.r)[:, None]
     curve, slope = weighted.T @ both, -weighted.T @ fit.r
-    return fit, Expansion(
-        Evidence(problem, scale), columns, curve, slope, value, free, place, names
-    )
+    return Expansion(Evidence(problem, scale), columns, curve, slope, value, free, place, names)
 
 
 def neighbours(expansion: Expansion, names: Names) -> list[Names]:
-    """Sets near to one in the order of their closed-form worth: grown by one or two causes,
-    pruned, one cause swapped.
+    """Sets near to one in the order of their closed-form worth: pruned, one cause swapped, grown by
+    one or two causes, or by as many as are worth it.
     """
+    worth = cache(expansion.worth)
     others = [name for name in expansion.place if name not in names]
-    grown = [(*names, name) for name in others]
-    swapped = [(*(n for n in names if n != gone), name) for gone in names for name in others]
-    first = sorted(grown, key=expansion.worth, reverse=True)[:PAIRED]
-    twice = [(*one, name) for one in first for name in others if name not in one]
-    pruned = [tuple(n for n in names if n != gone) for gone in names]
-    near = {tuple(sorted(one)) for one in (names, *grown, *swapped, *twice, *pruned)}
-    worth = {one: expansion.worth(one) for one in sorted(near)}
-    return sorted(worth, key=lambda one: worth[one], reverse=True)
+    pruned = [_without(names, gone) for gone in names]
+    swapped = [_with(kept, name) for kept in pruned for name in others]
+    grown = [_with(names, name) for name in others]
+    first = sorted(grown, key=worth, reverse=True)[:PAIRED]
+    twice = {_with(one, name) for one in first for name in others if name not in one}
+    further = _grown_further(max(sorted(twice), key=worth), others, worth) if twice else []
+    near = {names, *pruned, *swapped, *grown, *twice, *further}
+    return sorted(sorted(near), key=worth, reverse=True)
+
+
+def _grown_further(
+    names: Names, others: Sequence[str], worth: Callable[[Names], float]
+) -> list[Names]:
+    """Sets that grow from one by the best further cause in turn, as long as it is worth it."""
+    found = [names]
+    while further := [_with(found[-1], name) for name in others if name not in found[-1]]:
+        best = max(further, key=worth)
+        if worth(best) <= worth(found[-1]):
+            break
+        found.append(best)
+    return found[1:]
+
+
+def _with(names: Names, name: str) -> Names:
+    return tuple(sorted((*names, name)))
+
+
+def _without(names: Names, gone: str) -> Names:
+    return tuple(name for name in names if name != gone)
 
 
 class Centre(msgspec.Struct, frozen=True):

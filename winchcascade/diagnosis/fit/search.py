@@ -14,7 +14,9 @@ from winchcascade.diagnosis.fit.evidence import Evidence, Fit
 from winchcascade.diagnosis.fit.expansion import (
     Centre,
     Expansion,
+    begun_at,
     expand,
+    expanded,
     marginal_about,
     neighbours,
     start_of,
@@ -164,12 +166,11 @@ class Found(msgspec.Struct, frozen=True):
         problem = self.problem
         for _ in range(ANEW):
             marginal = marginal_about(problem, fit.effects(problem.suspects), fit.nu)
-            there, expansion = expand(
-                problem, marginal, fit.names, start_of(fit), weighing(self).scale
-            )
+            begin, there = begun_at(problem, marginal, fit.names, start_of(fit))
             if np.max(np.abs(there.nu - fit.nu), initial=0.0) <= NEAR_ZERO:
                 break
             fit = there
+        expansion = expanded(problem, marginal, begin, there, weighing(self).scale)
         self.fits[fit.names] = there
         self.centres[fit.names] = Centre(there, expansion, marginal)
         return self.centres[fit.names]
@@ -184,7 +185,9 @@ class Found(msgspec.Struct, frozen=True):
 
 
 def search(
-    problem: Problem, on_progress: Callable[[str], None] = lambda _: None, start: Fit | None = None
+    problem: Problem,
+    on_progress: Callable[[str], None] = lambda _: None,
+    before: Found | None = None,
 ) -> Found:
     """Find the set of suspects with the most evidence.
 
@@ -194,23 +197,34 @@ def search(
     Parameters
     ----------
     on_progress : called with a sentence on each step
-    start : best set of nearly the same problem, where the path from none begins
+    before : what a search of nearly the same problem found: the path from none begins at its best
+        set
     """
-    marginal = marginal_about(problem, [], np.zeros(problem.nuisances))
-    given = fit_set(problem, marginal, ())
-    if np.max(np.abs(given.nu), initial=0.0) > NEAR_ZERO:
-        marginal = marginal_about(problem, [], given.nu)
+    marginal = _marginal_of_none(problem, before)
     null, expansion = expand(problem, marginal, (), {}, 1.0)
     found = Found(null, {(): null}, expansion, marginal, {(): Centre(null, expansion, marginal)})
     begin = found.centres[()]
-    if start is not None and start.names:
-        begin = found.about(start)
+    if before is not None and before.best.names:
+        begin = found.about(before.best)
     _go(found, begin, on_progress)
     found = gone_on(found, on_progress)
     for fit in _single_starts(found):
         if fit.names not in found.centres:
             _go(found, found.about(fit), on_progress)
     return _settled(gone_on(found, on_progress), on_progress)
+
+
+def _marginal_of_none(problem: Problem, before: Found | None) -> Marginal:
+    """The nuisances integrated out where no suspect acts: where another search has taken their
+    derivatives, or else near their best place.
+    """
+    if before is not None:
+        return marginal_about(problem, [], before.centres[()].marginal.place)
+    marginal = marginal_about(problem, [], np.zeros(problem.nuisances))
+    given = fit_set(problem, marginal, ())
+    if np.max(np.abs(given.nu), initial=0.0) > NEAR_ZERO:
+        marginal = marginal_about(problem, [], given.nu)
+    return marginal
 
 
 def _settled(found: Found, on_progress: Callable[[str], None]) -> Found:
