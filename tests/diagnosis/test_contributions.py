@@ -32,7 +32,7 @@ from winchcascade.diagnosis.explain.shapley import (
     split,
     subsets_of,
 )
-from winchcascade.diagnosis.explain.windowed import QUANTITIES, windowed
+from winchcascade.diagnosis.explain.windowed import QUANTITIES, windowed, windowed_logs
 from winchcascade.diagnosis.verdict_limits import LAW
 from winchcascade.reduction.reduce import reduce
 from winchcascade.rig.baseline import baseline
@@ -144,7 +144,8 @@ def test_contributions_are_the_split_of_simulated_metrics() -> None:
 
 def test_the_order_of_the_causes_changes_no_part() -> None:
     diagnosis = found()
-    again = contributions_of(diagnosis.data, diagnosis.found, diagnosis.causes[::-1])[0]
+    logs = windowed_logs(diagnosis.data)
+    again = contributions_of(diagnosis.data, diagnosis.found, diagnosis.causes[::-1], logs)[0]
     for one, other in zip(diagnosis.contributions, again, strict=True):
         values = {(p.effect, p.kind): p.value for p in other.parts}
         assert values == {

@@ -42,6 +42,7 @@ from winchcascade.diagnosis.explain.gap_map import (
 from winchcascade.diagnosis.explain.planning import plan_run
 from winchcascade.diagnosis.explain.thresholds import Threshold, not_visible, thresholds
 from winchcascade.diagnosis.explain.validation import Validated, validation_of
+from winchcascade.diagnosis.explain.windowed import WindowedLog, windowed_logs
 from winchcascade.diagnosis.fit.entries import bound_to
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.nuisances import before_calibration
@@ -219,7 +220,7 @@ def _searched(problem: RigProblem, on_progress: Callable[[str], None]) -> tuple[
     calmed = data.with_ramps(data.measured - fitted)
     if calmed is None:
         return data, found
-    return calmed, search(msgspec.structs.replace(problem, data=calmed), on_progress, found.best)
+    return calmed, search(msgspec.structs.replace(problem, data=calmed), on_progress, found)
 
 
 def _singles(found: Found, held_out: HeldOut) -> tuple[SingleEffect, ...]:
@@ -245,14 +246,15 @@ def _with_causes(
     gap, and what is too small.
     """
     data, suspects, found = result.data, result.suspects, result.found
+    logs = windowed_logs(data, windows)
     if not found.best.names:
-        contributions, _, inputs = contributions_of(data, found, (), windows)
+        contributions, _, inputs = contributions_of(data, found, (), logs)
         return msgspec.structs.replace(
             result,
             minor=_hints(result),
             contributions=contributions,
-            thresholds=_thresholds(result, windows),
-            validation=validation_of(data, found, {}, inputs, windows),
+            thresholds=_thresholds(result, logs),
+            validation=validation_of(data, found, {}, inputs, logs),
         )
     on_progress("predicting withheld runs")
     withheld = sorted(data.withheld)
@@ -269,7 +271,7 @@ def _with_causes(
     )
     on_progress("splitting the difference among the causes")
     predictions = {} if by_cycles(data, left_out) else closure.predictions
-    contributions, changes, inputs = contributions_of(data, found, fitted, windows, predictions)
+    contributions, changes, inputs = contributions_of(data, found, fitted, logs, predictions)
     moved = moved_by(data, suspects, found.best)
     minor = minor_of(data, fitted, changes, moved)
     small = {one.effect for one in minor}
@@ -281,7 +283,7 @@ def _with_causes(
         causes=causes,
         minor=(*minor, *_hints(result)),
         contributions=reordered(without(contributions, small), causes),
-        validation=validation_of(data, found, predictions, inputs, windows),
+        validation=validation_of(data, found, predictions, inputs, logs),
     )
 
 
@@ -320,21 +322,19 @@ def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelD
     )
 
 
-def _thresholds(
-    result: ModelDiagnosis, windows: Sequence[float | None] | None
-) -> tuple[Threshold, ...]:
+def _thresholds(result: ModelDiagnosis, logs: Sequence[WindowedLog]) -> tuple[Threshold, ...]:
     """How large each effect would have to be to be named in logs that need none."""
     data, nu = result.data, result.found.best.nu
 
     def relevance(effect: ActiveEffect) -> float:
-        size = largest_change(data, (), data.predict(nu, [effect]) - result.fitted_blocks)[0]
-        return (
-            size
-            if size >= 1.0
-            else largest_change(
-                data, efficiency_changes(data, nu, effect, windows), np.zeros_like(data.noise)
-            )[0]
+        moved = (
+            data.predictions_near((nu, []), [(nu, [effect])])[:, :, 0] - data.nearby((nu, [])).at
         )
+        size = largest_change(data, (), moved)[0]
+        if size >= 1.0:
+            return size
+        changes = efficiency_changes(data, nu, effect, logs)
+        return largest_change(data, changes, np.zeros_like(data.noise))[0]
 
     return thresholds(result.found, relevance)
 

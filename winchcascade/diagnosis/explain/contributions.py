@@ -31,7 +31,6 @@ from winchcascade.diagnosis.explain.windowed import (
     QUANTITIES,
     WindowedLog,
     quantities_of,
-    windowed,
 )
 from winchcascade.diagnosis.fit.covariance import (
     covariances_without,
@@ -212,7 +211,7 @@ def contributions_of(
     data: Fitted,
     found: Found,
     causes: Sequence[NamedCause],
-    windows: Sequence[float | None] | None = None,
+    logs: Sequence[WindowedLog],
     held_out: Collection[int] = (),
 ) -> tuple[tuple[Contribution, ...], dict[str, list[LargestChange]], Signal]:
     """Split every metric of every run among the causes that are named, tolerances and residual, the
@@ -225,7 +224,7 @@ def contributions_of(
     Parameters
     ----------
     causes : named ones among those of the best fit
-    windows : of each run the length of its windows [s], None for the rule of the rig
+    logs : all of them with their windows
     held_out : numbers of logs that are compared with a fit without the logs of their load
     """
     names, suspects = tuple(cause.effect for cause in causes), found.problem.suspects
@@ -242,17 +241,12 @@ def contributions_of(
     predictive = predictive_covariance(data, found)
     without_load = covariances_without(data, found, {data.logs[k].load for k in held_out})
 
-    def account(number: int, window: float | None) -> tuple[WindowedLog, Accounts]:
-        one = windowed(data, number, window)
-        of_inputs = without_load[one.log.load] if number in held_out else predictive
-        return one, account_of(data, one, fit, of_inputs)
+    def account(one: WindowedLog) -> Accounts:
+        of_inputs = without_load[one.log.load] if one.number in held_out else predictive
+        return account_of(data, one, fit, of_inputs)
 
-    lengths = enumerate(windows or [None] * len(data.logs))
-    each = all_at_once([partial(account, number, window) for number, window in lengths], data.sizes)
-    logs, accounts = (
-        [one for one, _ in each],
-        Accounts(*map(np.concatenate, zip(*(own for _, own in each), strict=True))),
-    )
+    each = all_at_once([partial(account, one) for one in logs], data.sizes)
+    accounts = Accounts(*map(np.concatenate, zip(*each, strict=True)))
     loaded = np.array([math.isfinite(one.log.run.load or math.inf) for one in logs])
     u = with_uncertain_laws(accounts, loaded, data.rig.model.discrepancy)
     accounts = accounts._replace(u=u)
@@ -344,22 +338,25 @@ def with_uncertain_laws(accounts: Accounts, loaded: Mask, discrepancy: float) ->
 
 
 def efficiency_changes(
-    data: Fitted, nu: Signal, effect: ActiveEffect, windows: Sequence[float | None] | None = None
+    data: Fitted, nu: Signal, effect: ActiveEffect, logs: Sequence[WindowedLog]
 ) -> list[LargestChange]:
     """What one effect changes of each efficiency of each run by the model.
 
     Parameters
     ----------
     nu : nuisances of the fit without it
-    windows : as for `contributions_of`
+    logs : as for `contributions_of`
     """
     models = data.models(nu, []), data.models(nu, [effect])
-    found = []
-    for k, window in enumerate(windows or [None] * len(data.logs)):
-        one = windowed(data, k, window)
-        before, after = (one.simulated(own[k], data.skew(nu), data.zeros(nu)[k]) for own in models)
-        found += _changes(one, after - before)
-    return found
+    skew, zeros = data.skew(nu), data.zeros(nu)
+
+    def change(one: WindowedLog) -> list[LargestChange]:
+        k = one.number
+        before, after = (one.simulated(own[k], skew, zeros[k]) for own in models)
+        return _changes(one, after - before)
+
+    each = all_at_once([partial(change, one) for one in logs], data.sizes)
+    return [one for own in each for one in own]
 
 
 def kind_of(effect: Effect) -> ContributionKind:

@@ -21,7 +21,7 @@ import numpy as np
 
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.explain.contributions import INPUTS, MOVED
-from winchcascade.diagnosis.explain.windowed import QUANTITIES, WindowedLog, quantities_of, windowed
+from winchcascade.diagnosis.explain.windowed import QUANTITIES, WindowedLog, quantities_of
 from winchcascade.diagnosis.fit.covariance import predictive_covariance
 from winchcascade.diagnosis.fit.nuisances import SKEW
 from winchcascade.diagnosis.fit.predict import CHANNELS, without_sensors
@@ -90,7 +90,7 @@ def validation_of(
     found: Found,
     held_out: Mapping[int, Fit],
     inputs: Signal,
-    windows: Sequence[float | None] | None = None,
+    logs: Sequence[WindowedLog],
 ) -> tuple[Validated, ...]:
     """Compare every metric of every run with the model of the rig file and with the corrected one.
 
@@ -99,22 +99,18 @@ def validation_of(
     held_out : by number of a log, the fit without the logs of its load
     inputs : (L, 2, 14) standard uncertainty of each of `QUANTITIES` of each run by the inputs of
         the model, within the tolerances of the rig file and as the fit leaves them, SI units
-    windows : of each run the length of its windows [s], None for the rule of the rig
+    logs : all of them with their windows
     """
-
     sensors = {name for name in found.best.names if found.problem.suspects[name].of_a_sensor}
     covariance = predictive_covariance(data, found) if sensors else None
 
-    def of_run(k: int, window: float | None) -> list[Validated]:
-        one, fit = windowed(data, k, window), held_out.get(k)
+    def of_run(one: WindowedLog) -> list[Validated]:
+        fit = held_out.get(one.number)
         read = _read(data, found, fit or found.best, one, covariance)
-        return _of_run(data, found, fit, one, inputs[k], read, numerical)
+        return _of_run(data, found, fit, one, inputs[one.number], read, numerical)
 
-    lengths = [*enumerate(windows or [None] * len(data.logs))]
-    numerical = np.max(
-        [_numerical(data, windowed(data, *lengths[k])) for k in data.extreme_loads], axis=0
-    )
-    jobs = [partial(of_run, k, window) for k, window in lengths]
+    numerical = np.max([_numerical(data, logs[k]) for k in data.extreme_loads], axis=0)
+    jobs = [partial(of_run, one) for one in logs]
     return tuple(one for own in all_at_once(jobs, data.sizes) for one in own)
 
 

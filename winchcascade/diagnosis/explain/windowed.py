@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
@@ -10,6 +11,7 @@ import numpy as np
 
 from winchcascade.core.errors import OptionError
 from winchcascade.core.integrate import means_of
+from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.fit.fitted_log import Log
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.predict import CHANNELS
@@ -101,6 +103,17 @@ class WindowedLog(NamedTuple):
         return quantities_of(
             msgspec.structs.replace(run, channels=channels), self.rig, self.windows
         )
+
+
+def windowed_logs(data: Fitted, windows: Sequence[float | None] | None = None) -> list[WindowedLog]:
+    """Find the windows of all logs of a fit.
+
+    Parameters
+    ----------
+    windows : of each log the length of its windows [s], None for the rule of the rig
+    """
+    lengths = enumerate(windows or [None] * len(data.logs))
+    return all_at_once([partial(windowed, data, k, length) for k, length in lengths], data.sizes)
 
 
 def windowed(data: Fitted, number: int, window: float | None = None) -> WindowedLog:
