@@ -389,28 +389,34 @@ class Fitted:
 
     def _local_columns(self) -> csr_array:
         """What one tolerance of each nuisance that is not simulated moves, (M * 5, q), SI units."""
-        from scipy.sparse import csr_array, hstack
+        from scipy.sparse import csr_array
 
-        columns = [
-            csr_array((n.sd * self._moved_by(n)).reshape(-1, 1))
-            for n in self.nuisances[self.simulated :]
+        local = self.nuisances[self.simulated :]
+        shape = self.measured.size, len(local)
+        cells = [
+            ((rows.start + blocks) * len(CHANNELS) + CHANNELS.index(n.name), j, n.sd * moved)
+            for j, n in enumerate(local)
+            for rows, (blocks, moved) in zip(self.rows, self._moved_by(n), strict=True)
         ]
-        return (
-            csr_array(hstack(columns, format="csr"))
-            if columns
-            else csr_array((self.measured.size, 0))
-        )
+        if not cells:
+            return csr_array(shape)
+        columns = np.repeat([j for _, j, _ in cells], [moved.size for *_, moved in cells])
+        places, _, values = zip(*cells, strict=True)
+        return csr_array((np.concatenate(values), (np.concatenate(places), columns)), shape=shape)
 
-    def _moved_by(self, n: Nuisance) -> Signal:
-        """What a nuisance of 1 that is not simulated moves, (M, 5), SI units."""
-        moved, k = np.zeros_like(self.measured), CHANNELS.index(n.name)
-        for number, (log, rows) in enumerate(zip(self.logs, self.rows, strict=True)):
-            if n.kind == "zero" and number == n.log:
-                moved[rows, k] = 1.0
-            elif n.kind == "discrepancy" and (log.load == n.load or math.isnan(n.load)):
-                here = log.course.blocks.phase == PHASES.index(n.phase)
-                moved[rows, k] = log.courses[:, k, COURSES.index(n.course)] * here
-        return moved
+    def _moved_by(self, n: Nuisance) -> Iterator[tuple[NDArray[np.intp], Signal]]:
+        """Of each log the blocks that a nuisance of 1 that is not simulated moves, and by how much,
+        SI units.
+        """
+        k = CHANNELS.index(n.name)
+        for number, log in enumerate(self.logs):
+            blocks, moves = log.course.blocks, np.ones(log.measured.shape[0])
+            here = np.full(moves.size, number == n.log)
+            if n.kind == "discrepancy":
+                of_load = log.load == n.load or math.isnan(n.load)
+                here = (blocks.phase == PHASES.index(n.phase)) & of_load
+                moves = log.courses[:, k, COURSES.index(n.course)]
+            yield np.flatnonzero(here), moves[here]
 
 
 PART = 0.2

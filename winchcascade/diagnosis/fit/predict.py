@@ -154,7 +154,7 @@ MAX_KEPT = 128
 first.
 """
 
-ALL_KEPT = 1200
+ALL_KEPT = 1000
 """Maximum number of solutions kept for all logs of a fit, about 0.2 MB each; at least two are
 kept for each log.
 """
