@@ -5,6 +5,8 @@ it, and what to test next.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -72,7 +74,7 @@ from winchcascade.diagnosis.verdict_limits import HINTS
 from winchcascade.rig.simulate import read_by
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
@@ -135,6 +137,21 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
         ]
 
 
+Report = Callable[[str], None]
+"""What is called with a sentence on each step."""
+
+
+MODEL, SEARCH, CONCLUSION, CAUSES, PLAN = pairwise((0, 10, 50, 75, 90, 100))
+"""Shares of the time of a diagnosis at which its parts usually begin and end, with seven logs and
+with seventy. [%]"""
+
+
+def during(part: tuple[int, int], on_progress: Report) -> Report:
+    """Reports of the steps of a part that state which share of the whole it usually is."""
+    first, last = part
+    return lambda text: on_progress(f"{text} ({first} to {last} % of the time)")
+
+
 @linear_algebra_on_one_thread()
 def diagnose(
     runs: Sequence[Run],
@@ -146,7 +163,7 @@ def diagnose(
     windows: Sequence[float | None] | None = None,
     withheld: Sequence[int] = (),
     seed: int = 0,
-    on_progress: Callable[[str], None] = lambda _: None,
+    on_progress: Report = lambda _: None,
 ) -> ModelDiagnosis:
     """Diagnose some runs on one rig, each number of which enters as it was before any calibration.
 
@@ -170,15 +187,16 @@ def diagnose(
     RigError : the rig file lacks numbers that the model needs
     """
     Entries(runs, cycles, withheld, title).check_withheld()
-    on_progress("simulating the model of the rig file")
+    during(MODEL, on_progress)("simulating the model of the rig file")
     before = before_calibration(rig)
     data = Fitted(runs, before, cycles, withheld)
     _check_channels(data)
     suspects = bound_to(suspects, before, runs, data.scales)
     directions = undetermined(data)
-    data, found = _searched(RigProblem(data, suspects, alike(directions, suspects)), on_progress)
+    problem = RigProblem(data, suspects, alike(directions, suspects))
+    data, found = _searched(problem, during(SEARCH, on_progress))
     held_out = HeldOut(data, seed)
-    found = concluded(data, found, held_out, on_progress)
+    found = concluded(data, found, held_out, during(CONCLUSION, on_progress))
     predicted = data.stated
     as_found = ModelDiagnosis(
         title=title,
@@ -199,7 +217,8 @@ def diagnose(
         singles=_singles(found, held_out),
         undetermined=directions,
     )
-    return judged(_with_causes(as_found, held_out, windows, on_progress), on_progress)
+    with_causes = _with_causes(as_found, held_out, windows, during(CAUSES, on_progress))
+    return judged(with_causes, during(PLAN, on_progress))
 
 
 def _check_channels(data: Fitted) -> None:
@@ -213,7 +232,7 @@ def _check_channels(data: Fitted) -> None:
         )
 
 
-def _searched(problem: RigProblem, on_progress: Callable[[str], None]) -> tuple[Fitted, Found]:
+def _searched(problem: RigProblem, on_progress: Report) -> tuple[Fitted, Found]:
     """What a search finds, with the scatter of its residual within slow ramps as noise."""
     data, found = problem.data, search(problem, on_progress)
     fitted = data.predict(found.best.nu, found.best.effects(problem.suspects))
@@ -240,7 +259,7 @@ def _with_causes(
     result: ModelDiagnosis,
     held_out: HeldOut,
     windows: Sequence[float | None] | None,
-    on_progress: Callable[[str], None],
+    on_progress: Report,
 ) -> ModelDiagnosis:
     """The result with the causes of the best fit, what each contributes, how far they close the
     gap, and what is too small.
@@ -287,7 +306,7 @@ def _with_causes(
     )
 
 
-def judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelDiagnosis:
+def judged(result: ModelDiagnosis, on_progress: Report) -> ModelDiagnosis:
     """The result with its verdict, what remains, where the gap lies, and what to test next."""
     data, found, closure = result.data, result.found, result.closure
     signs = ringing(result.judged, *SIGNS)
