@@ -51,6 +51,7 @@ from winchcascade.rig.steps import RESOLVED, rate_of_the_rotor
 
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
+    from winchcascade.core.run import Signal
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
     from winchcascade.diagnosis.explain.planned_run import Place
     from winchcascade.diagnosis.fit.suspects import Suspects
@@ -258,57 +259,76 @@ def determine(basis: Basis, metric: str, wanted: float, most: int = MOST) -> Run
             f"--uncertainty {metric}={wanted:g}: expected METRIC=X with X above 0, such as "
             f"eta_pto=0.002."
         )
-    fastest = {
-        one.load: one.speed
-        for one in sorted(basis.options, key=lambda one: one.speed)
-        if one.load != math.inf
-    }
-    if not fastest:
+    if all(one.load == math.inf for one in basis.options):
         raise OptionError(f"--uncertainty {metric}: expected a finite load at least among --loads.")
     prospect = prospect_of(basis.setting, basis.options)
-    numbers = [(j, n) for j, n in enumerate(prospect.runs.nuisances) if n.kind in OF_THE_RIG]
-    if basis.found is None:
-        nothing = np.zeros(len(prospect.runs.nuisances))
-        known, scale, fields = Explanation({}, nothing, np.eye(nothing.size)), 1.0, []
-        covariance = np.diag([n.sd**2 for _, n in numbers])
-        stated, moves = prospect.runs.nominal.physics, (0.0,) * len(numbers)
-        posterior = RigPosterior(stated, tuple(n for _, n in numbers), moves, (), covariance)
-    else:
-        found, posterior = basis.found.found, posterior_of_rig(basis.found)
-        known, scale = explanation_of(found, found.best), found.scale
-        known = known._replace(covariance=predictive_covariance(basis.found.data, found))
-        kept = [
-            found.best.place[name]
-            for name, effect in known.effects.items()
-            if effect in posterior.effects
-        ]
-        fields = [k for own in kept for k in range(own.start, own.stop)]
-    foreseen = foresee(prospect, known, scale=scale)
-    count = len(foreseen.root) - len(prospect.runs.nuisances)
-    places = [*(count + j for j, _ in numbers), *fields]
-    sd = np.sqrt(np.diag(posterior.covariance))
-    moved = [posterior.model(posterior.best + way) for way in np.diag(sd)]
-    best, length, ramp = posterior.model(), basis.setting.length, RAMP * basis.setting.time
-    rules = basis.setting.rig.thresholds
-    paths = {
-        load: path_of(planned_cycle(speed, length, ramp), best, rules)
-        for load, speed in fastest.items()
-    }
-    each = [
-        points([best, *moved], [path], [load])[:, 0, 0, PLACE[metric]]
-        for load, path in paths.items()
-    ]
-    change = np.transpose([values[1:] - values[0] for values in each])
-    gradient, unit = (
-        np.zeros((len(foreseen.root), len(paths))),
-        np.linalg.norm(foreseen.root[places], axis=1),
-    )
-    gradient[places] = change / np.where(unit > 0.0, unit, math.inf)[:, None]
+    known = _known_of_the_rig(basis, prospect)
+    foreseen = foresee(prospect, known.explanation, scale=known.scale)
+    unit = np.linalg.norm(foreseen.root[known.places], axis=1)[:, None]
+    change = _changes_of(metric, basis, known.posterior)
+    gradient = np.zeros((len(foreseen.root), change.shape[1]))
+    gradient[known.places] = np.divide(change, unit, out=np.zeros_like(change), where=unit > 0.0)
 
     def u_of(chosen: Sequence[int]) -> float:
         return math.sqrt(float(np.max(foreseen.variance(chosen, gradient))))
 
     return _greedy(basis, u_of, "u", most, wanted, metric=metric)
+
+
+class Known(NamedTuple):
+    """What is known before the planned runs: an explanation with the square `scale` by which the
+    noise exceeds its estimate, the numbers of the rig, and the `places` of these among the fields
+    and nuisances of the explanation.
+    """
+
+    explanation: Explanation
+    scale: float
+    posterior: RigPosterior
+    places: list[int]
+
+
+def _known_of_the_rig(basis: Basis, prospect: Prospect) -> Known:
+    """What a rig file with its tolerances, or a diagnosis, knows of the numbers of the rig."""
+    nuisances = prospect.runs.nuisances
+    numbers = [(j, n) for j, n in enumerate(nuisances) if n.kind in OF_THE_RIG]
+    if basis.found is None:
+        covariance = np.diag([n.sd**2 for _, n in numbers])
+        stated, moves = prospect.runs.nominal.physics, (0.0,) * len(numbers)
+        posterior = RigPosterior(stated, tuple(n for _, n in numbers), moves, (), covariance)
+        unknown = Explanation({}, np.zeros(len(nuisances)), np.eye(len(nuisances)))
+        return Known(unknown, 1.0, posterior, [j for j, _ in numbers])
+    found, posterior = basis.found.found, posterior_of_rig(basis.found)
+    explanation = explanation_of(found, found.best)._replace(
+        covariance=predictive_covariance(basis.found.data, found)
+    )
+    fields = [
+        k
+        for name, effect in explanation.effects.items()
+        if effect in posterior.effects
+        for k in range(found.best.x.size)[found.best.place[name]]
+    ]
+    places = [*(found.best.x.size + j for j, _ in numbers), *fields]
+    return Known(explanation, found.scale, posterior, places)
+
+
+def _changes_of(metric: str, basis: Basis, posterior: RigPosterior) -> Signal:
+    """Change of a metric at each load with a current, at the fastest speed planned for it, by a
+    standard deviation of each number of a rig, (numbers, loads).
+    """
+    by_speed = sorted(basis.options, key=lambda one: one.speed)
+    fastest = {one.load: one.speed for one in by_speed if one.load != math.inf}
+    sd = np.sqrt(np.diag(posterior.covariance))
+    best, moved = (
+        posterior.model(),
+        [posterior.model(posterior.best + way) for way in np.diag(sd)],
+    )
+    length, ramp = basis.setting.length, RAMP * basis.setting.time
+    changes = []
+    for load, speed in fastest.items():
+        path = path_of(planned_cycle(speed, length, ramp), best, basis.setting.rig.thresholds)
+        values = points([best, *moved], [path], [load])[:, 0, 0, PLACE[metric]]
+        changes.append(values[1:] - values[0])
+    return np.transpose(changes)
 
 
 # ----------------------------------------------------------------------------------------- choice
