@@ -91,12 +91,36 @@ class Hidden:
         z = np.empty((ROWS, len(several)))
         for column, effects in enumerate(several):
             values = {one.effect.name: one.values[0] for one in effects}
-            x = np.array([values.get(name, 0.0) for name in NAMES])
+            x = np.array([values.get(name, 0.0) for name in self.suspects])
             z[:, column] = self.measured - self.ways @ self.shape(x)
         return z
 
     def nuisance_columns(self, _effects: Sequence[ActiveEffect], _nu: Signal) -> Columns:
         return Columns(np.zeros((ROWS, 0)), csr_array((ROWS, 0)))
+
+
+SEVERAL = ("force_gain", "line_drag", "rotor_friction", "torque_gain", "voltage_gain")
+"""Suspects that act together, each in a way of its own."""
+
+
+class Several(Hidden):
+    """Numbers of unit noise that seven suspects move, five of which act."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        rng = np.random.default_rng(1)
+        self.suspects = {name: EFFECTS[name] for name in (*SEVERAL, "current_gain", "gas_volume")}
+        self.sd = freedom(*self.suspects.values()).sd
+        self.ways = 3.0 * rng.normal(size=(ROWS, len(self.suspects)))
+        acting = np.array([name in SEVERAL for name in self.suspects])
+        self.measured = self.ways @ acting + rng.normal(size=ROWS)
+
+    @property
+    def begins(self) -> dict[str, tuple[float, ...]]:
+        return {}
+
+    def shape(self, x: Signal) -> Signal:
+        return x / self.sd
 
 
 @cache
@@ -107,6 +131,12 @@ def hidden() -> Found:
 # ----------------------------------------------------------------------------------- the best set
 def test_a_search_ends_at_the_best_set_though_no_derivative_leads_there_from_none() -> None:
     assert hidden().best.names == TRUE
+
+
+def test_causes_that_act_in_ways_of_their_own_are_found_in_one_step() -> None:
+    found = search(Several())
+    assert found.best.names == SEVERAL
+    assert found.centres.keys() == {(), SEVERAL}
 
 
 def test_every_fit_is_kept_and_each_set_has_the_newest() -> None:
