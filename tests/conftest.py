@@ -38,15 +38,22 @@ ROOT = Path(__file__).parent.parent
 TOGETHER = {
     f"tests/{name}.py": "diagnoses"
     for name in (
+        "report/test_laws",
         "report/test_diagnosis_words",
         "report/test_diagnosis_content",
         "report/test_diagnosis_figures",
         "report/test_stability_report",
         "report/test_views",
+        "report/test_one_name",
+        "diagnosis/test_alarms",
+        "diagnosis/test_beside_model",
         "diagnosis/test_figure_data",
+        "diagnosis/test_judgement",
+        "diagnosis/test_phase_energies",
         "diagnosis/test_validation",
         "design/test_design",
         "design/test_plan_of_runs",
+        "design/test_posterior",
     )
 }
 """Files that use results of one another: one worker takes them all, and makes each result once."""
