@@ -71,9 +71,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], list[Ma
 
 
 @pytest.fixture(
-    params=[
-        pytest.param(kind, marks=pytest.mark.slow) if kind in SLOW else kind for kind in KINDS
-    ]
+    params=[pytest.param(kind, marks=pytest.mark.slow) if kind in SLOW else kind for kind in KINDS]
 )
 def pages(request: pytest.FixtureRequest, written: Callable[[str], list[Made]]) -> list[Made]:
     """The pages of one kind after the other."""

@@ -17,6 +17,7 @@ from scipy.optimize import least_squares
 
 from winchcascade import audit
 from winchcascade.reduction.efficiency import METRICS, RATIOS
+from winchcascade.report.results.audit_record import audit_record
 from winchcascade.tables.audit import Audit
 from winchcascade.tables.claims import ClaimVerdict
 from winchcascade.tables.feasible import allowed, is_feasible, mean_of_products, repeatability
@@ -331,8 +332,7 @@ def test_a_column_in_the_wrong_unit_is_one_finding_and_hides_no_other(tmp_path: 
     assert (fault.kind, fault.columns, fault.unit) == ("unit", ("energy_gen",), "")
     assert fault.factor == pytest.approx(1e-3)
     assert [(item.row.load, item.metric) for item in found.contradictions] == [(27.0, "eta_pto")]
-    record = json.loads(call("audit", tmp_path / "t.toml", "--json", "-").out)
-    assert [item["kind"] for item in record["contradictions"]] == ["column", "row"]
+    assert [item["kind"] for item in audit_record(found)["contradictions"]] == ["column", "row"]
 
 
 def test_a_table_that_does_not_print_its_repeatability_is_held_to_an_assumed_one() -> None:
@@ -385,8 +385,10 @@ def test_two_rows_that_are_exchanged_are_found_and_no_table_with_scatter_is_accu
             replace(here, cells={**there.cells, "load_ohm": here.cells["load_ohm"]})
             for here, there in ((rows[one], rows[other]), (rows[other], rows[one]))
         )
-        (fault,) = (f for f in audit(replace(table, rows=tuple(rows))).faults if f.kind == "rows")
+        fault = exchanged_rows(exchanged := replace(table, rows=tuple(rows)), known)
+        assert fault is not None
         assert set(fault.columns) == {rows[one].name, rows[other].name}
+    assert fault in audit(exchanged).faults
     rng = np.random.default_rng(1)
     for _ in range(50):
         rows = [
