@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 import pytest
 from calls import call
-from made_tables import PLAIN, made_table, table_text
+from made_tables import made_table, table_text
 from msgspec.structs import replace
 
 from winchcascade import audit
@@ -39,6 +39,7 @@ from winchcascade.tables.table_file import load_table
 
 RIG = built_in()
 SOME = ("copper_heating", "gear_mesh_loss", "screw_friction", "torque_gain", "clutch_drag")
+OF_THE_PAPER = ("gear_mesh_loss", "screw_friction")
 SIZE = 0.015
 """How far a recovered value may be off: the payout that made the table is not the middle one.
 [1]
@@ -86,7 +87,7 @@ def own_table(*left_out: str) -> PublishedTable:
 @cache
 def paper(*more: str) -> AttainableRanges:
     table = load_table("hsu2026-table2")
-    return judged(table, *SOME, *more, scatter=repeatability(table).eta)
+    return judged(table, *OF_THE_PAPER, *more, scatter=repeatability(table).eta)
 
 
 def cells_of(found: AttainableRanges, metric: str) -> list[Cell]:
@@ -272,16 +273,15 @@ def test_report_and_record_list_each_efficiency_and_each_effect() -> None:
     cell = record["rows"][0]["efficiencies"]["eta_gen"]
     assert cell["printed"] - cell["reach"][0] == pytest.approx(cell["off"])
     effects = {entry["effect"]: entry for entry in record["effects"]}
-    assert set(effects) == {*SOME}
+    assert set(effects) == {*OF_THE_PAPER}
     assert effects["gear_mesh_loss"]["can"]["eta_gen"]["verdict"] == "explains"
     assert len(effects["gear_mesh_loss"]["can"]["eta_gen"]["needed"]) == 6
     assert (record["ok"], record["sets"][0]["enough"], record["closest"]) == (False, True, None)
 
 
 def test_the_command_adds_the_physics_and_rejects_a_rig_without_a_model(tmp_path: Path) -> None:
-    path, off = tmp_path / "one.toml", tmp_path / "off.toml"
-    path.write_text(table_text(own_rows()[:1], PLAIN))
-    off.write_text(
+    path = tmp_path / "off.toml"
+    path.write_text(
         table_text(
             [
                 {
@@ -291,16 +291,18 @@ def test_the_command_adds_the_physics_and_rejects_a_rig_without_a_model(tmp_path
             ]
         )
     )
-    called = call("audit", path, "--physics", "--json", "-")
-    record = json.loads(called.out)
-    assert (called.code, record["schema"], record["physics"]["ok"]) == (
-        0,
-        "winchcascade/audit/1",
-        True,
+    written = tmp_path / "audit.json"
+    called, record = (
+        call("audit", path, "--physics", "--json", written),
+        json.loads(written.read_text()),
     )
+    assert (called.code, record["schema"], record["physics"]["ok"]) == (
+        1,
+        "winchcascade/audit/1",
+        False,
+    )
+    assert "1 of 1 rows below what the rig can attain" in called.out
     assert "physics" not in json.loads(call("audit", path, "--json", "-").out)
-    below = call("audit", off, "--physics")
-    assert (below.code, "1 of 1 rows below what the rig can attain" in below.out) == (1, True)
     unmodelled, unused = (
         call("audit", path, "--physics", "--rig", "kitepower"),
         call("audit", path, "--rig", "hsu2026"),
