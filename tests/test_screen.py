@@ -84,7 +84,7 @@ def place(tmp_path: Path, fixtures: Path, monkeypatch: pytest.MonkeyPatch) -> Pa
     return tmp_path
 
 
-@pytest.mark.parametrize("name", ["reduce", "check", "error", "help"])
+@pytest.mark.parametrize("name", daily(["reduce", "check", "error", "help"], ["reduce", "help"]))
 def test_a_terminal_of_sixty_columns_is_never_exceeded(place: Path, name: str) -> None:
     text = COLOUR.sub("", shown(*COMMANDS[name], columns=60))
     assert max(map(len, text.splitlines())) <= 60
