@@ -2,6 +2,7 @@
 have.
 """
 
+import gc
 import os
 import signal
 from collections.abc import Iterator
@@ -83,6 +84,7 @@ ALONE = {
 FIRST = tuple(
     f"tests/{name}"
     for name in (
+        "design/test_design.py",
         "diagnosis/test_trust.py",
         "test_pictures.py",
         "test_determinism.py",
@@ -99,8 +101,8 @@ FIRST = tuple(
         "blind",
     )
 )
-"""Files with long tests, the longest of all first: begun first, so that no worker has one left
-when the others are done.
+"""Files with long tests, the longest of all first and the group of the first one before them:
+begun first, so that no worker has one left when the others are done.
 """
 
 
@@ -112,6 +114,14 @@ def place_in_order(item: pytest.Item) -> int:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=place_in_order)
+
+
+def pytest_collection_finish() -> None:
+    """Leave out of later collections of garbage what lives as long as the process: modules and
+    tests.
+    """
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -225,7 +225,7 @@ FOLDERS = [
 ]
 
 
-@pytest.mark.parametrize("source", daily(FOLDERS, FOLDERS[::4]), ids=lambda folder: folder.name)
+@pytest.mark.parametrize("source", daily(FOLDERS, FOLDERS[::8]), ids=lambda folder: folder.name)
 def test_drafts_of_any_folder_can_be_used_as_they_are(source: Path, tmp_path: Path) -> None:
     folder = tmp_path / 'a "folder" – ä'
     shutil.copytree(source, folder, copy_function=shutil.copyfile)

@@ -17,6 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rigs import calibrated_rig
 from scipy.special import ndtr
+from undrawn import undrawn
 
 from winchcascade.batch.campaign_design import motions_of
 from winchcascade.core.errors import OptionError
@@ -439,7 +440,8 @@ def test_an_unexplained_diagnosis_is_rejected_and_forced_with_its_verdict(
     done = call(*options, tmp_path / "refused_design.json")
     assert (done.code, done.out, table.exists(), page.exists()) == (2, "", False, False)
     assert str(refused) in done.err
-    forced = call(*options, tmp_path / "forced.json", "--force")
+    with undrawn():
+        forced = call(*options, tmp_path / "forced.json", "--force")
     assert forced.code == 0
     written = json.loads((tmp_path / "forced.json").read_text())
     assert (written["verdict"], written["repairs"]) == ("unexplained", [])

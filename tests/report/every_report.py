@@ -36,7 +36,7 @@ LOGS = {
     "open_circuit": CAMPAIGN / "open_circuit.csv",
     **{name: DAMAGED / f"{name}.csv" for name in ("dropouts", "aborted", "no_torque")},
 }
-LOADS = {"r36ohm": 36.0, "r9ohm": 9.0, "open_circuit": math.inf}
+LOADS = {"r36ohm": 36.0, "open_circuit": math.inf}
 """Logs of the campaign and of the other side of a comparison with their loads [ohm]."""
 
 PATIENCE = 600
@@ -148,7 +148,7 @@ def _write_inputs(kind: str, folder: Path, odd: str, title: str) -> None:
 
 
 def _write_campaign(folder: Path, odd: str, title: str) -> None:
-    """Write a campaign of two loads and an open circuit; the current of `other` is smaller."""
+    """Write a campaign of a load and an open circuit; the current of `other` is smaller."""
     folder.mkdir()
     for name in LOADS:
         text = (CAMPAIGN / f"{name}.csv").read_text(encoding="utf-8")

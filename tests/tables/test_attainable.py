@@ -103,6 +103,7 @@ def test_a_table_of_the_model_itself_is_within_reach_and_names_nobody() -> None:
         assert row.speeds.low < speed < row.speeds.high
 
 
+@pytest.mark.slow
 def test_a_figure_has_every_printed_efficiency_over_its_range() -> None:
     found = paper()
     figure = attainable_figure(found)
@@ -261,6 +262,7 @@ def test_the_short_reduction_is_the_whole_one(fixtures: Path, window: float | No
     } == {None}
 
 
+@pytest.mark.slow
 def test_report_and_record_list_each_efficiency_and_each_effect() -> None:
     found = replace(audit("hsu2026-table2"), physics=paper())
     tables = {
@@ -279,7 +281,8 @@ def test_report_and_record_list_each_efficiency_and_each_effect() -> None:
     assert (record["ok"], record["sets"][0]["enough"], record["closest"]) == (False, True, None)
 
 
-def test_the_command_adds_the_physics_and_rejects_a_rig_without_a_model(tmp_path: Path) -> None:
+@pytest.mark.slow
+def test_the_command_adds_the_physics(tmp_path: Path) -> None:
     path = tmp_path / "off.toml"
     path.write_text(
         table_text(
@@ -303,6 +306,11 @@ def test_the_command_adds_the_physics_and_rejects_a_rig_without_a_model(tmp_path
     )
     assert "1 of 1 rows below what the rig can attain" in called.out
     assert "physics" not in json.loads(call("audit", path, "--json", "-").out)
+
+
+def test_the_command_rejects_a_rig_without_a_model_or_without_use(tmp_path: Path) -> None:
+    path = tmp_path / "one.toml"
+    path.write_text(table_text([{"load_ohm": 45.0, "energy_line": 7115.0}]))
     unmodelled, unused = (
         call("audit", path, "--physics", "--rig", "kitepower"),
         call("audit", path, "--rig", "hsu2026"),
@@ -311,6 +319,7 @@ def test_the_command_adds_the_physics_and_rejects_a_rig_without_a_model(tmp_path
     assert (unused.code, "--rig hsu2026: is of use with --physics alone" in unused.err) == (2, True)
 
 
+@pytest.mark.slow
 def test_values_with_which_the_model_gives_no_printed_power_explain_nothing() -> None:
     rows = [replace(row, target=("power_gen", 1e7)) for row in paper().rows]
     problem = TableProblem(rows, RIG, EFFECTS)

@@ -19,7 +19,7 @@ from winchcascade import audit
 from winchcascade.reduction.efficiency import METRICS, RATIOS
 from winchcascade.report.results.audit_record import audit_record
 from winchcascade.tables.audit import Audit
-from winchcascade.tables.claims import ClaimVerdict
+from winchcascade.tables.claims import claim_verdict
 from winchcascade.tables.feasible import allowed, is_feasible, mean_of_products, repeatability
 from winchcascade.tables.published_table import PublishedTable, Span, TableRow
 from winchcascade.tables.row_order import exchanged_rows
@@ -245,11 +245,6 @@ def test_two_claims_are_contradicted_and_every_law_holds_in_every_row(hsu: Audit
     assert {use.rows for use in hsu.uses} == {6}
 
 
-def claim(found: Audit, words: str) -> ClaimVerdict:
-    (verdict,) = [c for c in found.claims if words in c.sentence]
-    return verdict
-
-
 SAID = '[[claim]]\nsays = "so"\nwhere = "made"\n'
 """A claim without what it states."""
 
@@ -295,7 +290,10 @@ def test_a_changed_claim_or_cell_changes_the_verdict(
     head, _, tail = HSU_TEXT.partition(old)
     assert tail
     tail = tail if old == "[[claim]]" else tail.replace(old, new)
-    assert claim(audit(parse_table(head + new + tail, "t")), words).verdict == expected
+    table = parse_table(head + new + tail, "t")
+    verdicts = (claim_verdict(one, table, repeatability(table)) for one in table.claims)
+    (verdict,) = (one for one in verdicts if words in one.sentence)
+    assert verdict.verdict == expected
 
 
 @pytest.mark.parametrize(
