@@ -2,7 +2,6 @@
 have.
 """
 
-import gc
 import os
 import signal
 from collections.abc import Iterator
@@ -114,14 +113,6 @@ def place_in_order(item: pytest.Item) -> int:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=place_in_order)
-
-
-def pytest_collection_finish() -> None:
-    """Leave out of later collections of garbage what lives as long as the process: modules and
-    tests.
-    """
-    gc.collect()
-    gc.freeze()
 
 
 @pytest.hookimpl(optionalhook=True)
