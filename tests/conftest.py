@@ -36,20 +36,38 @@ pytest_plugins = ("designed",)
 ROOT = Path(__file__).parent.parent
 
 TOGETHER = {
-    f"tests/{name}.py": "diagnoses"
-    for name in (
-        "report/test_diagnosis_words",
-        "report/test_diagnosis_content",
-        "report/test_diagnosis_figures",
-        "report/test_stability_report",
-        "report/test_views",
-        "diagnosis/test_figure_data",
-        "diagnosis/test_validation",
-        "design/test_design",
-        "design/test_plan_of_runs",
-    )
+    f"tests/{name}.py": group
+    for group, names in {
+        "diagnoses": (
+            "report/test_laws",
+            "report/test_diagnosis_words",
+            "report/test_diagnosis_content",
+            "report/test_diagnosis_figures",
+            "report/test_stability_report",
+            "report/test_views",
+            "report/test_one_name",
+            "diagnosis/test_alarms",
+            "diagnosis/test_beside_model",
+            "diagnosis/test_figure_data",
+            "diagnosis/test_judgement",
+            "diagnosis/test_phase_energies",
+            "diagnosis/test_validation",
+            "design/test_design",
+            "design/test_plan_of_runs",
+            "design/test_posterior",
+        ),
+        "twin": (
+            "blind/test_benchmark_trials",
+            "blind/test_machine",
+            "blind/test_trial",
+            "blind/test_twin",
+        ),
+    }.items()
+    for name in names
 }
-"""Files that use results of one another: one worker takes them all, and makes each result once."""
+"""Files that use results of one another, or that compile the twin: one worker takes them all, and
+makes each result once.
+"""
 
 ALONE = {
     f"tests/{name}.py"
@@ -65,6 +83,7 @@ ALONE = {
 FIRST = tuple(
     f"tests/{name}"
     for name in (
+        "design/test_design.py",
         "diagnosis/test_trust.py",
         "test_pictures.py",
         "test_determinism.py",
@@ -81,8 +100,8 @@ FIRST = tuple(
         "blind",
     )
 )
-"""Files with long tests, the longest of all first: begun first, so that no worker has one left
-when the others are done.
+"""Files with long tests, the longest of all first and the group of the first one before them:
+begun first, so that no worker has one left when the others are done.
 """
 
 

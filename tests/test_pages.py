@@ -29,8 +29,16 @@ with the slow tests.
 """
 
 
+MANY = 5
+"""Commands, each a process of its own, from which on a page is followed with the slow tests."""
+
+
 def is_long(page: Path) -> bool:
-    return any(step.verb == "Put into" or LONG.search(step.executed) for step in steps(page))
+    found = steps(page)
+    commands = sum(step.kind in ("console", "sh") for step in found)
+    return commands >= MANY or any(
+        step.verb == "Put into" or LONG.search(step.executed) for step in found
+    )
 
 
 def parameter(page: Path) -> object:

@@ -1,5 +1,6 @@
 """What `reduce` of a plain log must not import: each of these takes longer than the reduction."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import pytest
 
 SLOW = (
+    "numba",
     "pandas",
     "matplotlib",
     "pyarrow.compute",
@@ -34,20 +36,24 @@ def modules_after(arguments: list[str]) -> set[str]:
     return set(done.stderr.split("MODULES ")[1].split())
 
 
-@pytest.mark.parametrize("json", [[], ["--json", "-"]], ids=["table", "json"])
-def test_reduce_of_a_csv_log_imports_nothing_slow(fixtures: Path, json: list[str]) -> None:
-    loaded = modules_after(["reduce", str(fixtures / "campaign" / "r36ohm.csv"), *json])
+@pytest.mark.parametrize("options", [[], ["--json", "-"]], ids=["table", "json"])
+def test_reduce_of_a_csv_log_imports_nothing_slow(fixtures: Path, options: list[str]) -> None:
+    loaded = modules_after(["reduce", str(fixtures / "campaign" / "r36ohm.csv"), *options])
     assert not {name for name in SLOW if name in loaded} - (
-        {"rich"} if not json else set()
+        {"rich"} if not options else set()
     )  # lays out the tables
 
 
-def test_a_batch_without_reports_imports_nothing_that_draws(fixtures: Path, tmp_path: Path) -> None:
+def test_a_batch_without_reports_imports_nothing_that_simulates_or_draws(
+    fixtures: Path, tmp_path: Path
+) -> None:
     log = str(fixtures / "campaign" / "r36ohm.csv")
     loaded = modules_after(
         ["batch", log, "--out", str(tmp_path / "out"), "--reports", "none", "--jobs", "1"]
     )
-    assert not {"matplotlib", "jinja2", "typst"} & loaded
+    assert not {"numba", "matplotlib", "jinja2", "typst"} & loaded
+    (result,) = (tmp_path / "out" / "runs").glob("*.json")
+    assert "model" not in json.loads(result.read_bytes())
 
 
 def test_help_imports_no_arrays() -> None:

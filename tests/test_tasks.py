@@ -60,7 +60,7 @@ def by_place(outcomes: Iterator[Outcome[int]], jobs: int) -> list[Outcome[int]]:
     return found
 
 
-@pytest.mark.parametrize(("jobs", "workers"), [(0, 1), (0, 2), (1, 2), (2, 1), (7, 3), (100, 2)])
+@pytest.mark.parametrize(("jobs", "workers"), [(0, 1), (0, 2), (1, 2), (2, 1), (100, 3)])
 def test_every_job_has_exactly_one_outcome(jobs: int, workers: int) -> None:
     found = by_place(Workers(workers).outcomes(work, [Task("good", k) for k in range(jobs)]), jobs)
     assert [outcome.value for outcome in found] == [2 * k for k in range(jobs)]
@@ -85,13 +85,10 @@ def test_a_job_that_fails_is_a_sentence_and_the_others_complete(
 @POSIX
 def test_a_job_that_ends_its_process_is_a_sentence_and_the_others_complete() -> None:
     found = by_place(
-        Workers(2).outcomes(work, [Task("kill" if k in (2, 9) else "good", k) for k in range(12)]),
-        12,
+        Workers(2).outcomes(work, [Task("kill" if k == 2 else "good", k) for k in range(6)]), 6
     )
-    assert [outcome.value for outcome in found] == [
-        None if k in (2, 9) else 2 * k for k in range(12)
-    ]
-    assert all("memory" in (found[k].fault or "") for k in (2, 9))
+    assert [outcome.value for outcome in found] == [0, 2, None, 6, 8, 10]
+    assert "memory" in (found[2].fault or "")
 
 
 def test_a_job_whose_process_died_once_is_tried_again(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ from winchcascade.reduction.run_record import reduction_json
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 LOGS = {"r36ohm.csv": (36.0, 5.48), "r9ohm.csv": (9.0, 5.96)}
-COPIES = 4
+COPIES = 3
 """Logs of the calls that are cut short: enough that some are done and some are not."""
 
 EPOCH = "1767225600"
@@ -66,7 +66,6 @@ def batch(
     *targets: Path,
     out: Path,
     reports: Sequence[str] = (),
-    jobs: int = 1,
     workbook: bool = False,
     force: bool = False,
     rig: str | None = None,
@@ -75,7 +74,7 @@ def batch(
     plan = make_plan([str(target) for target in targets], rig=rig)
     products = Products(tuple(reports), workbook)
     with undrawn():
-        return run_batch(plan, out, products, workers=Workers(jobs), force=force, watch=seen), seen
+        return run_batch(plan, out, products, workers=Workers(1), force=force, watch=seen), seen
 
 
 def redone(
@@ -216,13 +215,6 @@ def test_links_of_the_page_lead_to_files(tmp_path: Path, out: Path) -> None:
     )
     assert {unquote(link) for link in links} == {"runs/50 % #2 測é.csv.html", "index.html"}
     assert all((out / unquote(link)).is_file() for link in links)
-
-
-def test_any_number_of_processes_gives_the_same_bytes(
-    campaign: Path, done: Path, tmp_path: Path
-) -> None:
-    batch(campaign, out=tmp_path / "two", jobs=2)
-    assert contents(tmp_path / "two") == contents(done)
 
 
 # ------------------------------------------------------------------- what is kept, what is redone
@@ -382,30 +374,23 @@ def test_no_report_is_left_beside_a_result_of_other_content(tmp_path: Path, out:
 
 
 # --------------------------------------------------------------------------------- logs that fail
-@pytest.mark.parametrize(
-    ("name", "says"),
-    [
-        ("not_a_log.csv", "expected"),
-        ("header_only.csv", "column names but no rows"),
-        ("missing.csv", "no such file"),
-    ],
-)
-def test_a_log_that_fails_is_listed_and_the_others_go_on(
-    campaign: Path, out: Path, name: str, says: str
-) -> None:
-    if name != "missing.csv":
+FAILING = ("not_a_log.csv", "header_only.csv", "missing.csv")
+
+
+def test_logs_that_fail_are_listed_and_the_others_go_on(campaign: Path, out: Path) -> None:
+    for name in FAILING[:2]:
         shutil.copy(FIXTURES / "damaged_logs" / name, campaign)
     with (campaign / "campaign.toml").open("a") as file:
-        file.write(f'[[run]]\nfile = "{name}"\n')
+        file.writelines(f'[[run]]\nfile = "{name}"\n' for name in FAILING)
     done = winchcascade("batch", campaign, "--out", out, "--reports", "none", "--jobs", "2")
-    fault = str(summary(out)[name]["fault"])
     assert done.returncode == 1
-    assert "2 of 3 logs reduced" in done.stdout
-    assert fault in " ".join(done.stdout.split())  # its sentence names the log
     assert "Traceback" not in done.stderr
-    assert name in fault
-    assert fault.endswith(".")
-    assert says in fault
+    faults = [str(summary(out)[name]["fault"]) for name in FAILING]
+    for name, fault in zip(FAILING, faults, strict=True):
+        assert fault in " ".join(done.stdout.split())  # its sentence names the log
+        assert name in fault
+        assert fault.endswith(".")
+    assert len(set(faults)) == len(FAILING)
     assert [path.name for path in files(out / "runs")] == [f"{log}.json" for log in LOGS]
     assert (
         winchcascade("batch", campaign, "--out", out, "--reports", "none").returncode == 1
@@ -750,15 +735,10 @@ def test_a_killed_call_leaves_no_process_behind(place: Path, by: signal.Signals)
 
 
 @ALONE
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("jobs", "to"),
-    [
-        ("2", "all its processes"),
-        *(
-            pytest.param(*case, marks=pytest.mark.slow)
-            for case in [("1", "the call"), ("2", "the call")]
-        ),
-    ],
+    [("2", "all its processes"), ("1", "the call"), ("2", "the call")],
 )
 def test_an_interrupt_is_one_sentence_and_loses_nothing(
     place: Path, undisturbed: dict[str, bytes], jobs: str, to: str
@@ -788,6 +768,7 @@ def test_an_interrupt_before_the_first_result_is_one_sentence(place: Path) -> No
     assert err.endswith("no file was left half-written.\n")
 
 
+@pytest.mark.slow
 def test_two_calls_at_once_on_one_folder_leave_what_one_leaves(
     place: Path, undisturbed: dict[str, bytes]
 ) -> None:

@@ -16,6 +16,7 @@ from winchcascade.rig.effects.catalogue import EFFECTS
 ONE_CYCLE = 45.0
 """Within this time of a log is its first cycle. [s]"""
 
+FIXTURES = Path(__file__).parents[2] / "fixtures"
 LOADS = {"r36ohm.csv": 36.0, "r9ohm.csv": 9.0}
 
 
@@ -50,16 +51,23 @@ def record(
     return diagnose_campaign(folder / "campaign.toml", suspects=suspects)
 
 
+@pytest.fixture(scope="module")
+def with_zero(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Mapping[str, Any]:
+    """The diagnosis of logs whose torque has a zero of 4 N m."""
+    return record(tmp_path_factory.mktemp("zero"), FIXTURES, torque_zero=4.0)
+
+
 def kinds(files: list[Mapping[str, Any]]) -> dict[str, list[tuple[str, str | None]]]:
     return {one["file"]: [(f["kind"], f["channel"]) for f in one["findings"]] for one in files}
 
 
 def test_findings_of_the_logs_are_in_the_record_also_those_of_their_cycles(
-    fixtures: Path, tmp_path: Path
+    with_zero: Mapping[str, Any],
 ) -> None:
-    found = record(tmp_path, fixtures, torque_zero=4.0)
-    assert found["simulations"] == []
-    assert all(("zero_offset", "torque") in one for one in kinds(found["logs"]).values())
+    assert with_zero["simulations"] == []
+    assert all(("zero_offset", "torque") in one for one in kinds(with_zero["logs"]).values())
 
 
 @pytest.mark.slow
@@ -103,10 +111,10 @@ def test_a_level_far_from_that_of_the_log_is_accepted_where_the_unit_is_stated(
 
 
 def test_a_channel_that_the_causes_make_worse_is_marked_as_such(
-    fixtures: Path, tmp_path: Path
+    with_zero: Mapping[str, Any],
 ) -> None:
     assert [Shrunk(3.0, after, 1.0).worse for after in (0.0, 3.1, 3.2)] == [False, False, True]
-    closure = record(tmp_path, fixtures)["closure"]
+    closure = with_zero["closure"]
     assert closure is not None
     for one in closure["channels"].values():
         assert one["worse"] == (one["after"] ** 2 - one["before"] ** 2 > one["noise"] ** 2)

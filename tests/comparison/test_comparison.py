@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 from test_cli import one_sentence, winchcascade
+from undrawn import undrawn
 
 from winchcascade import (
     Comparison,
@@ -506,7 +507,8 @@ def test_frame_plot_and_table_of_a_notebook(found: Comparison) -> None:
 
 
 def test_page_and_pdf(found: Comparison, place: Path, tmp_path: Path) -> None:
-    page = write_report(found, tmp_path / "c.html").read_text()
+    with undrawn():
+        page = write_report(found, tmp_path / "c.html").read_text()
     assert page.count("<table") == len(tables(found))
     command = (
         "compare",
@@ -517,11 +519,13 @@ def test_page_and_pdf(found: Comparison, place: Path, tmp_path: Path) -> None:
         "--html",
         tmp_path / "d.html",
     )
-    done = winchcascade(*command, "--pdf", tmp_path / "d.pdf")
+    with undrawn():
+        done = winchcascade(*command, "--pdf", tmp_path / "d.pdf")
     assert done.returncode == 1
     assert 'id="table-limit"' in (tmp_path / "d.html").read_text()
     assert (tmp_path / "d.pdf").read_bytes().startswith(b"%PDF-")
-    assert winchcascade(*command).returncode == 1  # over its own page
+    with undrawn():
+        assert winchcascade(*command).returncode == 1  # over its own page
 
 
 def test_names_from_files_are_escaped_on_a_page(place: Path, tmp_path: Path) -> None:

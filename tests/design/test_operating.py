@@ -4,7 +4,7 @@ simulated log that is reduced.
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from rigs import calibrated_rig
 
@@ -48,6 +48,7 @@ def logged(path: Path, load: float) -> Run:
     return Run("log", motion.t, {"velocity": motion.v}, 1.0 / motion.step, motion.t.size, load=load)
 
 
+@settings(max_examples=max(settings().max_examples // 4, 1))
 @given(loads, speeds, st.floats(3.0, 15.0), st.floats(0.5, 4.0))
 def test_no_stage_gives_more_than_it_takes(
     load: float, speed: float, length: float, ramp: float

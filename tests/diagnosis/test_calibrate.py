@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from daily import daily
 from openlog import NOISE, estimated_rig, made_log, motion_run
 from rigs import scales_on, truth_of
 
@@ -196,14 +197,14 @@ def test_a_fit_that_did_not_come_to_rest_says_so(monkeypatch: pytest.MonkeyPatch
     assert [tile.name for tile in calibration_report(found).tiles] == ["k_e"]
 
 
-@pytest.mark.parametrize(
-    ("section", "name", "found"),
-    [
-        ("winch", "r_drum", "k_e"),
-        ("drivetrain", "gear_ratio", "k_e"),
-        ("drivetrain", "eta_mesh", "b_rotor"),
-    ],
+ALIKE = (
+    ("winch", "r_drum", "k_e"),
+    ("drivetrain", "gear_ratio", "k_e"),
+    ("drivetrain", "eta_mesh", "b_rotor"),
 )
+
+
+@pytest.mark.parametrize(("section", "name", "found"), daily(ALIKE, ALIKE[2:], spread=True))
 def test_an_uncertainty_contains_those_of_numbers_that_act_alike(
     section: str, name: str, found: str
 ) -> None:

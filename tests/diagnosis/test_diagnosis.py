@@ -36,9 +36,14 @@ PLANTED = {
 }
 
 
+AMONG = {name: EFFECTS[name] for name in dict.fromkeys((*PLANTED, "diode_drop", *[*EFFECTS][::4]))}
+"""Suspects of a campaign with an effect: a third of the catalogue, which other tests search whole."""
+
+
 @cache
 def diagnosed(*names: str) -> ModelDiagnosis:
-    return diagnose(campaign({name: PLANTED[name] for name in names}), calibrated_rig(), EFFECTS)
+    runs = campaign({name: PLANTED[name] for name in names})
+    return diagnose(runs, calibrated_rig(), AMONG if names else EFFECTS)
 
 
 DAILY = ("copper_heating",)

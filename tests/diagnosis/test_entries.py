@@ -172,4 +172,8 @@ def test_an_entry_of_one_log_moves_no_other() -> None:
 
 def test_wrong_entries_are_not_written_as_effects_of_the_rig() -> None:
     assert corrections(found("drum_radius", 0.06))[0] == {}  # the radius itself is corrected
+
+
+@pytest.mark.slow
+def test_a_wrong_load_corrects_nothing_of_the_rig() -> None:
     assert corrections(misstated()) == ({}, {})

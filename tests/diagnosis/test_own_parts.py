@@ -49,7 +49,7 @@ HIDDEN = (
 
 
 @pytest.mark.parametrize(
-    ("kind", "shaft", "effect", "value"), daily(HIDDEN, HIDDEN[1:4:2], spread=True)
+    ("kind", "shaft", "effect", "value"), daily(HIDDEN, HIDDEN[1:2], spread=True)
 )
 def test_a_hidden_effect_is_named_alone_with_its_size(
     kind: str, shaft: str, effect: str, value: float

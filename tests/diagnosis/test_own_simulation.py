@@ -34,10 +34,7 @@ from winchcascade.rig.effects.effect import ActiveEffect
 from winchcascade.rig.parts import Model
 from winchcascade.rig.simulate import simulate
 
-SUSPECTS = {
-    name: EFFECTS[name]
-    for name in ("ke_rolloff", "copper_heating", "sync_inductance", "line_drag", "rotor_inertia")
-}
+SUSPECTS = {name: EFFECTS[name] for name in ("copper_heating", "sync_inductance", "line_drag")}
 LINE_DRAG = {"line_drag": {"b": 0.9}}
 
 

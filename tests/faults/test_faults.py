@@ -16,7 +16,7 @@ FAULTS_BEFORE, CLEAN_BEFORE = recorded()
 FAST = 1
 """Trials of each fault in the normal test run."""
 
-FAST_SOURCES = ("campaign", "fixtures at other rates")
+FAST_SOURCES = ("campaign",)
 
 
 @pytest.mark.parametrize("name", list(FAULTS))

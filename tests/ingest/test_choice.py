@@ -160,15 +160,17 @@ def test_a_campaign_lists_the_sheets_of_one_file_as_runs_of_their_own(
     names = {"all.xlsx-sheet-r36ohm": "r36ohm", "all.xlsx-sheet-2": "2"}
     assert {work.name: work.settings.sheet for work in plan.work} == names
     assert len({work.key for work in plan.work}) == 2
-    done = run_batch(plan, tmp_path / "out")
+    with readers_here():
+        done = run_batch(plan, tmp_path / "out")
     assert done.faults == {}
     assert [run.table for run in done.summary.reduced] == ["r36ohm", "r9ohm"]
     for name, energy in zip(names, (4956.2, 5309.3), strict=True):
         record = json.loads((tmp_path / "out" / "runs" / f"{name}.json").read_bytes())
         assert record["mean"]["energy_gen_j"] == pytest.approx(energy, abs=0.5)
-    assert run_batch(plan, tmp_path / "out").kept == 2
-    assert "lists 2 sheets of all.xlsx: 'r36ohm', '2'; expected one" in call("reduce", book).err
-    assert "load 36 ohm (campaign.toml)" in call("reduce", book, "--sheet", "r36ohm").out
+    with readers_here():
+        assert run_batch(plan, tmp_path / "out").kept == 2
+        assert "lists 2 sheets of all.xlsx: 'r36ohm', '2'; expected one" in call("reduce", book).err
+        assert "load 36 ohm (campaign.toml)" in call("reduce", book, "--sheet", "r36ohm").out
 
 
 @pytest.mark.parametrize("sheet", ["1.5", '""', '["a"]'])

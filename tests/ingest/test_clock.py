@@ -121,7 +121,17 @@ def test_faults_of_rows_and_stamps_are_reported_and_change_little(
 
 @pytest.mark.parametrize(
     ("rate", "digits"),
-    [(10, 2), (100, 2), (1000, 3), (30, 2), (30, 3), (200 / 3, 2), (75, 2), (25.6, 2), (7, 2)],
+    [
+        (10, 2),
+        (100, 2),
+        pytest.param(1000, 3, marks=pytest.mark.slow),
+        (30, 2),
+        (30, 3),
+        (200 / 3, 2),
+        (75, 2),
+        (25.6, 2),
+        (7, 2),
+    ],
 )
 def test_an_even_clock_gives_no_finding_whatever_its_rate_and_rounding(
     rate: float, digits: int, tmp_path: Path

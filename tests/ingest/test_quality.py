@@ -92,11 +92,11 @@ NOISES = (0.0, 0.05, 0.25, 1.0, 4.0)
     "few", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["some", "all"]
 )
 def test_a_clean_log_gives_no_finding_whatever_its_motion_and_noise(few: bool) -> None:
-    """Each scenario with the noise of real sensors and one other, or with all noises."""
+    """Each scenario with the noise of real sensors or one other in turn, or with all noises."""
     cases = []
     for k, (name, scenario) in enumerate(SCENARIOS.items()):
-        other = (0.0, 0.05, 0.25, 4.0)[k % 4]
-        for noise in (1.0, other) if few else NOISES:
+        one = (1.0, 0.0, 1.0, 0.05, 1.0, 0.25, 1.0, 4.0)[k % 8]
+        for noise in (one,) if few else NOISES:
             cases += [
                 (name, noise, rate)
                 for rate in ({scenario.rate, 5.0} if noise < 1 else {scenario.rate})
@@ -253,8 +253,8 @@ def test_a_cycle_that_counts_has_the_energies_of_the_clean_log(tmp_path: Path) -
         if result.cycles[1].complete:
             assert energies(result, 1) == pytest.approx(energies(clean(), 1), rel=ENERGY)
 
-    places = [-0.2, 0.0, 1.3, 2.5, 3.8, 5.2, 7.0]
-    assert failures(check, all_pairs([*POWERS, "row"], places, [1, 5, 12, 30, 100])) == []
+    places = [-0.2, 0.0, 2.5, 5.2, 7.0]
+    assert failures(check, all_pairs([*POWERS, "row"], places, [1, 12, 30, 100])) == []
 
 
 def test_a_gap_of_more_than_a_second_in_the_window_makes_the_cycle_incomplete(

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from daily import daily
 
 from winchcascade import read_run, reduce
 from winchcascade.core.campaign_file import load_campaign
@@ -19,7 +20,7 @@ other ones.
 """
 
 
-@pytest.mark.parametrize("window", [5.48, 5.96])
+@pytest.mark.parametrize("window", daily([5.48, 5.96], [5.48]))
 def test_a_plain_script_with_pandas_finds_the_same_efficiencies(
     window: float, tmp_path: Path
 ) -> None:

@@ -14,10 +14,12 @@ from unittest import mock
 
 from bench_logs import write_bench_logs
 from calls import call
-from diagnosed import PLANTED, SUSPECTS, write_campaign
+from diagnosed import diagnosed
 from inputs import worn
+from msgspec.structs import replace
 
 from winchcascade.report.render import page as page_module
+from winchcascade.report.results.diagnosis import diagnosis_report
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -34,7 +36,7 @@ LOGS = {
     "open_circuit": CAMPAIGN / "open_circuit.csv",
     **{name: DAMAGED / f"{name}.csv" for name in ("dropouts", "aborted", "no_torque")},
 }
-LOADS = {"r36ohm": 36.0, "r9ohm": 9.0, "open_circuit": math.inf}
+LOADS = {"r36ohm": 36.0, "open_circuit": math.inf}
 """Logs of the campaign and of the other side of a comparison with their loads [ohm]."""
 
 PATIENCE = 600
@@ -58,26 +60,28 @@ COMMANDS: dict[str, str] = {
     "calibrate": "calibrate|{odd}open_circuit.csv|--load-ohm|inf",
     "simulate": "simulate|{odd}r36ohm.csv|--load-ohm|36|--out|simulated.csv",
     "compare": "compare|campaign|other|--max-drop|0.01|--jobs|1",
-    "diagnosis": "diagnose|planted|--jobs|1|" + "|".join(f"--suspect|{name}" for name in SUSPECTS),
-    "nothing found": "diagnose|nothing|--jobs|1|"
-    + "|".join(f"--suspect|{name}" for name in SUSPECTS),
     "line": "diagnose|kite|--jobs|1",
 }
 """Commands by the kind of their page, words parted by bars; `{odd}` is how the names of logs
 begin.
 """
 
+DIAGNOSES = {"diagnosis": "rolloff", "nothing found": "nothing"}
+"""Kinds of pages of a diagnosis with a model, by the campaign that is diagnosed."""
+
+KINDS = (*COMMANDS, *DIAGNOSES)
+
 SLOW = {
     "physics",
-    "nothing found",
     "line",
     "campaign of waves",
     "loss map",
+    "log",
     "without torque",
     "aborted",
     "open circuit",
 }
-"""Kinds that take long, or are variants of another one."""
+"""Kinds that take long, or are variants of another one: a campaign has the page of each log."""
 
 
 class Made(NamedTuple):
@@ -91,23 +95,27 @@ def made(
     kind: str, folder: Path, *, odd: str = "", title: str = "A campaign of two loads"
 ) -> list[Made]:
     """Call the command of a kind in an empty folder; the pages that it wrote, in the order in
-    which it made them.
+    which it made them. A diagnosis is that of several tests, under the title.
     """
+    if kind in DIAGNOSES:
+        found = replace(diagnosed(DIAGNOSES[kind]), title=title)
+        report = diagnosis_report(found, command="winchcascade diagnose planted")
+        return [Made(report, page_module.page_text(report))]
     _write_inputs(kind, folder, odd, title)
-    found: list[Made] = []
+    pages: list[Made] = []
     usual = page_module.page_text
 
     def noted(report: Report) -> str:
-        found.append(Made(report, usual(report)))
-        return found[-1].page
+        pages.append(Made(report, usual(report)))
+        return pages[-1].page
 
     words = COMMANDS[kind].format(odd=odd).split("|")
     page = [] if words[0] == "batch" else ["--html", "page.html"]
     with _within(folder), mock.patch.object(page_module, "page_text", noted):
         code, out, err = call(*words, *page, patience=PATIENCE)
     assert code in (0, 1), out + err
-    assert found, f"{kind} wrote no page"
-    return found
+    assert pages, f"{kind} wrote no page"
+    return pages
 
 
 @contextmanager
@@ -131,9 +139,6 @@ def _write_inputs(kind: str, folder: Path, odd: str, title: str) -> None:
             write_bench_logs()
     for side in {"campaign", "other"} & set(words):
         _write_campaign(folder / side, odd, title)
-    for name in {"planted", "nothing"} & set(words):
-        (folder / name).mkdir()
-        write_campaign(folder / name, PLANTED["rolloff" if name == "planted" else name])
     if "kite" in words:
         (folder / "kite").mkdir()
         shutil.copy(KITE / "ground_station_cycles_01_43.csv", folder / "kite" / f"{odd}kite.csv")
@@ -143,7 +148,7 @@ def _write_inputs(kind: str, folder: Path, odd: str, title: str) -> None:
 
 
 def _write_campaign(folder: Path, odd: str, title: str) -> None:
-    """Write a campaign of two loads and an open circuit; the current of `other` is smaller."""
+    """Write a campaign of a load and an open circuit; the current of `other` is smaller."""
     folder.mkdir()
     for name in LOADS:
         text = (CAMPAIGN / f"{name}.csv").read_text(encoding="utf-8")

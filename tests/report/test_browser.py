@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from calls import call
-from every_report import COMMANDS, KITE, made
+from every_report import KINDS, KITE, made
 from pypdf import PdfReader
 
 CHROMIUM = next(
@@ -124,7 +124,7 @@ def faults(tab: Any, screen: str) -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize("kind", COMMANDS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_page_makes_no_error_cuts_and_covers_nothing_and_keeps_nobody_out(
     browser: Any, pages: Callable[[str], list[Path]], kind: str
 ) -> None:

@@ -6,13 +6,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from diagnosed import PLANTED, SUSPECTS, write_campaign
+from diagnosed import PLANTED, write_campaign
 from scipy.io import loadmat
 from test_cli import one_sentence, winchcascade
+from undrawn import undrawn
 
 from winchcascade import load_rig, read_run
 
-FEW = [word for name in SUSPECTS for word in ("--suspect", name)]
+FEW = [word for name in ("copper_heating", "line_drag") for word in ("--suspect", name)]
 """Few suspects, with which a diagnosis takes a fraction of its time."""
 
 
@@ -25,10 +26,11 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def results(campaign: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """All that the command writes, with one load withheld."""
     out = tmp_path_factory.mktemp("out")
-    done = winchcascade(
-        "diagnose", campaign, "--withhold", "18", "--json", out / "d.json", "--html", out / "d.html", "--pdf", out / "d.pdf",
-        "--predictions", out / "predicted", "--jobs", "1", "--seed", "3", *FEW,
-    )  # fmt: skip
+    with undrawn():
+        done = winchcascade(
+            "diagnose", campaign, "--withhold", "18", "--json", out / "d.json", "--html", out / "d.html",
+            "--pdf", out / "d.pdf", "--predictions", out / "predicted", "--jobs", "1", "--seed", "3", *FEW,
+        )  # fmt: skip
     assert done.returncode == 0
     (out / "printed.txt").write_text(done.stdout, encoding="utf-8")
     assert done.stderr == ""
@@ -150,9 +152,8 @@ def test_the_corrected_model_is_exported_for_python_and_matlab(corrected: Correc
 def test_an_export_of_another_format_is_rejected_before_any_work(
     campaign: Path, tmp_path: Path
 ) -> None:
-    assert "expected a name that ends in .json or .mat" in one_sentence(
-        "diagnose", campaign, "--export", tmp_path / "model.slx"
-    )
+    said = one_sentence("diagnose", campaign, "--export", tmp_path / "model.slx")
+    assert all(part in said for part in ("--export", "model.slx", ".json", ".mat"))
 
 
 def test_a_rig_file_that_the_tool_did_not_write_is_not_replaced(
@@ -164,13 +165,13 @@ def test_a_rig_file_that_the_tool_did_not_write_is_not_replaced(
 
 
 def test_an_unknown_load_is_rejected_with_those_there_are(campaign: Path) -> None:
-    assert "it has 18, 4.5 ohm" in one_sentence("diagnose", campaign, "--withhold", "17")
+    said = one_sentence("diagnose", campaign, "--withhold", "17")
+    assert all(part in said for part in ("--withhold 17", "18", "4.5"))
 
 
 def test_every_load_withheld_is_rejected(campaign: Path) -> None:
-    assert "at least one" in one_sentence(
-        "diagnose", campaign, "--withhold", "18", "--withhold", "4.50"
-    )
+    said = one_sentence("diagnose", campaign, "--withhold", "18", "--withhold", "4.50")
+    assert "withheld" in said
 
 
 def test_a_folder_without_a_campaign_is_rejected(tmp_path: Path) -> None:
@@ -188,16 +189,16 @@ def test_a_file_of_somebody_else_is_rejected_before_the_work(
 ) -> None:
     theirs = tmp_path / "theirs.html"
     theirs.write_text("<p>ours</p>")
-    assert "was not written by winchcascade" in one_sentence("diagnose", campaign, "--html", theirs)
+    assert str(theirs) in one_sentence("diagnose", campaign, "--html", theirs)
     assert theirs.read_text() == "<p>ours</p>"
 
 
 def test_a_prediction_never_replaces_a_log_of_somebody_else(campaign: Path, tmp_path: Path) -> None:
     (tmp_path / "after").mkdir()
     (tmp_path / "after" / "r18ohm.csv").write_text("t,v\n0,0\n")
-    assert "was not written by winchcascade" in one_sentence(
-        "diagnose", campaign, "--predictions", tmp_path
-    )
+    theirs = str(tmp_path / "after" / "r18ohm.csv")
+    assert theirs in one_sentence("diagnose", campaign, "--predictions", tmp_path)
+    assert Path(theirs).read_text() == "t,v\n0,0\n"
 
 
 def test_predictions_of_two_logs_of_one_name_are_rejected(campaign: Path, tmp_path: Path) -> None:
@@ -207,23 +208,20 @@ def test_predictions_of_two_logs_of_one_name_are_rejected(campaign: Path, tmp_pa
         shutil.copy(campaign / "r18ohm.csv", tmp_path / day / "run.csv")
         lines.append(f'[[run]]\nfile = "{day}/run.csv"\nload_ohm = 18')
     (tmp_path / "campaign.toml").write_text("\n".join(lines))
-    assert "would be predicted in one file" in one_sentence(
-        "diagnose", tmp_path, "--predictions", tmp_path / "out"
-    )
+    assert "run.csv" in one_sentence("diagnose", tmp_path, "--predictions", tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
 def test_predictions_into_a_file_are_rejected(campaign: Path, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    assert "the folder cannot be made" in one_sentence(
-        "diagnose", campaign, "--predictions", tmp_path / "file"
-    )
+    file = tmp_path / "file"
+    assert str(file) in one_sentence("diagnose", campaign, "--predictions", file)
 
 
 def test_an_input_is_never_replaced(campaign: Path) -> None:
     before = (campaign / "campaign.toml").read_bytes()
     message = one_sentence("diagnose", campaign, "--json", campaign / "campaign.toml", "--force")
-    assert "is an input of this command" in message
+    assert str(campaign / "campaign.toml") in message
     assert (campaign / "campaign.toml").read_bytes() == before
 
 

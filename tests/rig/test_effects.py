@@ -99,6 +99,9 @@ BALANCE = 1e-3
 ROUNDING = 1e-12
 """A few operations in double precision."""
 
+ONE_CYCLE = 46.0
+"""Time after which the line rests again in the logs of the campaign. [s]"""
+
 MIDDLE, HEAVIEST, OPEN = ("r18ohm.csv", 18.0), ("r4p5ohm.csv", 4.5), ("open_circuit.csv", math.inf)
 
 every_effect = pytest.mark.parametrize("name", EFFECTS)
@@ -131,7 +134,11 @@ def model(name: str | None = None) -> Model:
 
 @cache
 def motion(log: str, load: float) -> Run:
-    return read_run(ROOT / "fixtures" / "campaign" / log, load=load)
+    """The first payout and haul-in of a log."""
+    run = read_run(ROOT / "fixtures" / "campaign" / log, load=load)
+    own = run.t < ONE_CYCLE
+    channels = {name: x[own] for name, x in run.channels.items()}
+    return msgspec.structs.replace(run, t=run.t[own], channels=channels, samples=int(own.sum()))
 
 
 @cache

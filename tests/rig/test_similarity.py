@@ -147,7 +147,7 @@ def test_the_range_of_an_effect_has_the_unit_of_its_field(name: str, nature: Nat
         assert own.share == field.share
 
 
-@pytest.mark.parametrize("name", daily(EFFECTS, [*EFFECTS][::3]))
+@pytest.mark.parametrize("name", daily(EFFECTS, [*EFFECTS][::5]))
 @settings(max_examples=max(settings().max_examples // 100, 1))
 @example(BENCH)
 @given(natures(with_weights=True))

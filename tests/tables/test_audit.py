@@ -17,8 +17,9 @@ from scipy.optimize import least_squares
 
 from winchcascade import audit
 from winchcascade.reduction.efficiency import METRICS, RATIOS
+from winchcascade.report.results.audit_record import audit_record
 from winchcascade.tables.audit import Audit
-from winchcascade.tables.claims import ClaimVerdict
+from winchcascade.tables.claims import claim_verdict
 from winchcascade.tables.feasible import allowed, is_feasible, mean_of_products, repeatability
 from winchcascade.tables.published_table import PublishedTable, Span, TableRow
 from winchcascade.tables.row_order import exchanged_rows
@@ -244,11 +245,6 @@ def test_two_claims_are_contradicted_and_every_law_holds_in_every_row(hsu: Audit
     assert {use.rows for use in hsu.uses} == {6}
 
 
-def claim(found: Audit, words: str) -> ClaimVerdict:
-    (verdict,) = [c for c in found.claims if words in c.sentence]
-    return verdict
-
-
 SAID = '[[claim]]\nsays = "so"\nwhere = "made"\n'
 """A claim without what it states."""
 
@@ -294,7 +290,10 @@ def test_a_changed_claim_or_cell_changes_the_verdict(
     head, _, tail = HSU_TEXT.partition(old)
     assert tail
     tail = tail if old == "[[claim]]" else tail.replace(old, new)
-    assert claim(audit(parse_table(head + new + tail, "t")), words).verdict == expected
+    table = parse_table(head + new + tail, "t")
+    verdicts = (claim_verdict(one, table, repeatability(table)) for one in table.claims)
+    (verdict,) = (one for one in verdicts if words in one.sentence)
+    assert verdict.verdict == expected
 
 
 @pytest.mark.parametrize(
@@ -331,8 +330,7 @@ def test_a_column_in_the_wrong_unit_is_one_finding_and_hides_no_other(tmp_path: 
     assert (fault.kind, fault.columns, fault.unit) == ("unit", ("energy_gen",), "")
     assert fault.factor == pytest.approx(1e-3)
     assert [(item.row.load, item.metric) for item in found.contradictions] == [(27.0, "eta_pto")]
-    record = json.loads(call("audit", tmp_path / "t.toml", "--json", "-").out)
-    assert [item["kind"] for item in record["contradictions"]] == ["column", "row"]
+    assert [item["kind"] for item in audit_record(found)["contradictions"]] == ["column", "row"]
 
 
 def test_a_table_that_does_not_print_its_repeatability_is_held_to_an_assumed_one() -> None:
@@ -385,8 +383,10 @@ def test_two_rows_that_are_exchanged_are_found_and_no_table_with_scatter_is_accu
             replace(here, cells={**there.cells, "load_ohm": here.cells["load_ohm"]})
             for here, there in ((rows[one], rows[other]), (rows[other], rows[one]))
         )
-        (fault,) = (f for f in audit(replace(table, rows=tuple(rows))).faults if f.kind == "rows")
+        fault = exchanged_rows(exchanged := replace(table, rows=tuple(rows)), known)
+        assert fault is not None
         assert set(fault.columns) == {rows[one].name, rows[other].name}
+    assert fault in audit(exchanged).faults
     rng = np.random.default_rng(1)
     for _ in range(50):
         rows = [
