@@ -8,7 +8,7 @@ A check takes a log and the name of a channel and returns a mask of the samples 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -127,11 +127,12 @@ def jumped(log: Samples, name: str) -> Mask:
     the machine."""
     level = log.level(name)
     bad = level.is_far(log.channels[name])
-    place = np.flatnonzero(np.isfinite(log.channels[name]) & ~bad)
-    x = log.channels[name][place]
+    kept = np.isfinite(log.channels[name]) & ~bad
+    x = log.channels[name] if kept.all() else log.channels[name][kept]
     at = _jumps(x, level.fault)
     if not at.size:
         return bad
+    place = np.flatnonzero(kept)
     limit = max(map(abs, limits_of(log.rig.sensors.get(name))))  # whichever sign is that of payout
     spikes = set(_spikes(log, name, x, at))
     stretches = spikes.union(_held(log, name, x, at))
@@ -242,22 +243,25 @@ def stale(log: Samples, name: str) -> Mask:
         return _still_while_travelling(log, name, held)
     low, high = limits_of(log.rig.sensors.get(name))
     idle = 0.0 if name in MOTIONS else IDLE_SHARE * level.top
-    bad = _beyond_chance(log, name, held, _stretches(held, HELD_MIN), 1.0) & (np.abs(x) > idle)
-    bad &= (x >= low) & (x <= high)  # beyond that it was clipped
+    bad = _beyond_chance(log, name, held, _stretches(held, HELD_MIN), 1.0)
+    if bad.any():  # beyond its limits it was clipped
+        bad &= (np.abs(x) > idle) & (x >= low) & (x <= high)
     return bad | _still_while_travelling(log, name, held) if log.has_travel(name) else bad
 
 
 def _still_while_travelling(log: Samples, name: str, held: Mask) -> Mask:
     """Samples of a channel that follows the line and holds one value while another channel shows
     that the line travels."""
-    bad = np.zeros(held.size, dtype=bool)
+    bad, stretches = np.zeros(held.size, dtype=bool), _stretches(held, HELD_MIN - 1)
+    if not stretches:
+        return bad
     level, t, v = log.level(name), log.t, log.channels["velocity"]
     moves = np.where(np.abs(v) > 2.0 * log.rig.thresholds.v_onset, v, 0.0)  # no zero error, no hole
     least = max(STEPS * level.step, OF_NOISE * level.noise)
     if name == "pressure":  # in metres, by the travel of the line over the range of the pressure
         least *= np.ptp(np.cumsum(moves)) * log.interval / (level.span or math.inf)
     least = max(least, TRAVEL * log.rig.thresholds.stroke_min)
-    for a, b in _stretches(held, HELD_MIN - 1):
+    for a, b in stretches:
         travel = abs(float(np.trapezoid(moves[a - 1 : b], t[a - 1 : b])))
         if name == "velocity":
             travel, least = _apart(log, a - 1, b)
@@ -292,7 +296,7 @@ def filled_gaps(log: Samples, name: str) -> Mask:
     for a, b in _stretches(x[1:] == x[:-1], HELD_MIN - 1):
         calm[a : b + 1] = False  # what holds one value is judged as stale
     stretches = []
-    for a, b in _stretches(calm, HELD_MIN):
+    for a, b in _rarely_beside(log, name, calm, _stretches(calm, HELD_MIN)):
         change = np.diff(x[max(a - 2, 0) : b + 2])
         jump = np.max(np.abs(change[[0, -1]] - median(change)))
         if jump <= level.long_fault and _turns(change[2:-2]) < 0.5 * TURNS:  # no step, no flicker
@@ -300,11 +304,30 @@ def filled_gaps(log: Samples, name: str) -> Mask:
     return _beyond_chance(log, name, calm, stretches, CONTINUES)
 
 
+def _rarely_beside(
+    log: Samples, name: str, calm: Mask, stretches: Sequence[tuple[int, int]]
+) -> Iterator[tuple[int, int]]:
+    """Those of some calm stretches beside which so few samples are calm that `_beyond_chance` may
+    find them; a bound by the nearest samples, which are among those that it counts."""
+    x, motion, reach = log.channels[name], log.motion(), NEAR * log.level(name).span
+    beside = np.concatenate((np.arange(-BESIDE, 0), np.arange(BESIDE)))
+    for start in range(0, len(stretches), BLOCK // beside.size):
+        part = np.array(stretches[start : start + BLOCK // beside.size])
+        first, after = part[:, :1], part[:, 1:]
+        rows = np.clip(np.where(beside < 0, first, after) + beside, 0, x.size - 1)
+        same = (np.abs(x[rows] - x[first]) <= reach) & (
+            motion[rows] == motion[(first + after) // 2]
+        )
+        share = (np.count_nonzero(same & calm[rows], axis=1) + 1.0) / (beside.size + 2.0)
+        rare = CONTINUES * share < np.exp(CERTAIN / (after - first)[:, 0])
+        yield from map(tuple, part[rare].tolist())
+
+
 def _beyond_chance(
     log: Samples,
     name: str,
     still: Mask,
-    stretches: Iterable[tuple[int, int]],
+    stretches: Sequence[tuple[int, int]],
     factor: float,
 ) -> Mask:
     """Stretches that are still for longer than by chance, where a channel is noisy beside them.
@@ -313,7 +336,7 @@ def _beyond_chance(
     by the rule of succession of Laplace, times a factor; after a still sample it may be larger.
     """
     bad = np.zeros(still.size, dtype=bool)
-    if log.level(name).noise == 0.0:
+    if not stretches or log.level(name).noise == 0.0:
         return bad
     x, level, motion = log.channels[name], log.level(name), log.motion()
     usual = 2 * np.bincount(motion[still] + 1, minlength=3) > np.bincount(motion + 1, minlength=3)

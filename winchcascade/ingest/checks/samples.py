@@ -84,6 +84,8 @@ class Level(NamedTuple):
         """Whether values are no measurements; every machine may rest at zero."""
         low, high = min(self.low, 0.0), max(self.high, 0.0)
         reach = FAR * (high - low) if self.moves else np.inf
+        if x.min() >= low - reach and x.max() <= high + reach:  # not so with a hole
+            return np.zeros(x.shape, dtype=bool)
         return (x < low - reach) | (x > high + reach)
 
 
