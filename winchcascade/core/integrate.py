@@ -73,6 +73,19 @@ def median(x: Signal) -> float:
     return quantile(x, 0.5)
 
 
+def medians_of_others(x: Signal) -> Signal:
+    """Median of all other values for each of at least two finite ones, (n,).
+
+    >>> medians_of_others(np.array([4.0, 1.0, 3.0, 2.0])).tolist()
+    [2.0, 3.0, 2.0, 3.0]
+    """
+    order, places = np.argsort(x), np.arange(x.size)
+    low, high = (x[order[k + (k >= places)]] for k in ((x.size - 2) // 2, (x.size - 1) // 2))
+    found = np.empty(x.size)
+    found[order] = low + 0.5 * (high - low)
+    return found
+
+
 def rms(x: Signal) -> float:
     """Root mean square of a signal, in its unit.
 
@@ -146,6 +159,27 @@ def white_noise(x: Signal) -> float:
     return max(
         float(GAUSS * median(np.abs(np.diff(x, 4))) / np.sqrt(70.0)), resolution / math.sqrt(12.0)
     )
+
+
+def slope_of(t: Signal, x: Signal) -> Stream:
+    """The slope of a signal by its neighbours on both sides, as `numpy.gradient` has it, for some
+    rows of the log, in the unit of the signal per second.
+
+    >>> slope_of(np.array([0.0, 1.0, 3.0]), np.array([0.0, 1.0, 9.0]))(np.array([0, 1, 2])).tolist()
+    [1.0, 2.0, 4.0]
+    """
+
+    def slope(rows: slice | Index) -> Signal:
+        if isinstance(rows, slice):
+            begin = max(rows.start - 1, 0)
+            part = slice(begin, rows.stop + 1)
+            return np.gradient(x[part], t[part])[rows.start - begin :][: rows.stop - rows.start]
+        before, after = np.maximum(rows - 1, 0), np.minimum(rows, t.size - 2)
+        left, right = t[before + 1] - t[before], t[after + 1] - t[after]
+        rise = right * (x[before + 1] - x[before]) / left
+        return (rise + left * (x[after + 1] - x[after]) / right) / (left + right)
+
+    return slope
 
 
 def integrals(t: Signal, stream: Stream, windows: Signal) -> Signal:

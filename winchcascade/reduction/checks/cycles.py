@@ -6,12 +6,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
 
 from winchcascade.core.accuracy import CERTAIN
-from winchcascade.core.integrate import ENOUGH, GAUSS, median, smallest_step, white_noise
+from winchcascade.core.integrate import (
+    ENOUGH,
+    GAUSS,
+    median,
+    medians_of_others,
+    smallest_step,
+    white_noise,
+)
+from winchcascade.core.plain_text import numbers_text
 from winchcascade.core.run import Signal
 from winchcascade.reduction.checks.phased_log import MIN_COMPARED, Fault, PhasedLog
 from winchcascade.reduction.efficiency import SMALLEST, ratio
@@ -124,22 +133,26 @@ def copied_cycles(log: PhasedLog) -> Iterator[Fault]:
         return
     # Rows that differ have other sums, but for chance.
     weights = np.random.default_rng(0).uniform(1.0, 2.0, len(channels))
-    seen: list[Signal] = []
+    rows = [log.phased.rows(c.window.onset, c.window.cutoff) for c in log.complete]
+    sums = [weights @ np.array([x[part] for x in channels.values()]) for part in rows]
+    of_cycle = np.repeat(np.arange(len(sums)), [part.size for part in sums])
+    _, first, which = np.unique(np.concatenate(sums), return_index=True, return_inverse=True)
+    in_cycle = np.split(of_cycle[first][which], np.cumsum([part.size for part in sums[:-1]]))
+
+    @cache
+    def is_noisy(k: int) -> bool:
+        return any(has_noise(x[rows[k]]) for x in channels.values())
+
     copies = []
-    for cycle in log.complete:
-        rows = log.phased.rows(cycle.window.onset, cycle.window.cutoff)
-        parts = np.array([x[rows] for x in channels.values()])
-        sums = weights @ parts
-        if any(np.count_nonzero(np.isin(sums, other)) > 0.5 * sums.size for other in seen) and any(
-            map(has_noise, parts)
-        ):
-            copies.append(cycle)
-        seen.append(sums)
+    for k, seen_in in enumerate(in_cycle):
+        # A cycle that holds more than half of the samples is in the middle of their order.
+        original = int(np.sort(seen_in)[seen_in.size // 2]) if seen_in.size else k
+        equal = np.count_nonzero(seen_in == original)
+        if original < k and 2 * equal > seen_in.size and is_noisy(original):
+            copies.append(log.complete[k])
     if copies:
-        spans, numbers = (
-            [(c.window.onset, c.window.cutoff) for c in copies],
-            ", ".join(str(c.cycle) for c in copies),
-        )
+        spans = [(c.window.onset, c.window.cutoff) for c in copies]
+        numbers = numbers_text(c.cycle for c in copies)
         yield Fault("copied", None, spans, {"cycles": numbers, "all": len(log.complete)})
 
 
@@ -183,10 +196,10 @@ def uneven_strokes(log: PhasedLog) -> Iterator[Fault]:
             float(v.sum()) / max(float(np.maximum.accumulate(v).sum()), SMALLEST) for v in speeds
         ]
         fault, x = "stopped", np.array(kept)
-    usual = np.array([median(np.delete(x, k)) for k in range(x.size)])
-    scatter = np.array(
-        [GAUSS * median(np.abs(np.delete(x, k) - middle)) for k, middle in enumerate(usual)]
-    )
+    usual, scatter = medians_of_others(x), np.empty(x.size)
+    for middle in np.unique(usual):
+        same = usual == middle
+        scatter[same] = GAUSS * medians_of_others(np.abs(x - middle))[same]
     odd = np.flatnonzero(np.abs(x - usual) > CERTAIN * np.maximum(scatter, repeats * usual))
     if odd.size:
         worst = odd[np.argmax(np.abs(x - usual)[odd])]

@@ -18,7 +18,7 @@ from collections.abc import Iterator, Mapping
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import integrals, median, quantile, white_noise
+from winchcascade.core.integrate import ENOUGH, integrals, median, quantile, white_noise
 from winchcascade.core.run import Signal
 from winchcascade.reduction.checks.phased_log import MIN_COMPARED, REPORTED, Fault, PhasedLog
 from winchcascade.reduction.efficiency import SMALLEST
@@ -198,7 +198,7 @@ def coarse_resolution(log: PhasedLog) -> Iterator[Fault]:
     for name, per_step in errors.items():
         onset = OF_ONSET * log.rig.thresholds.v_onset if name == "velocity" else math.inf
         step = recorded_step(
-            log.samples(name, payouts), min(REPORTED / max(per_step, SMALLEST), onset)
+            log.samples(name, payouts)[:ENOUGH], min(REPORTED / max(per_step, SMALLEST), onset)
         )
         if step and per_step * step < 1e9:
             yield Fault("coarse_resolution", name, (), {"step": step, "error": per_step * step})
