@@ -179,12 +179,15 @@ class Table(msgspec.Struct, Generic[T], frozen=True):
         if count <= self.limit + 1:
             return [list(row) for row in rows]
         more = [f"... {count - 2 * half} more" if counted else "", *[""] * (len(self.columns) - 1)]
-        return [*map(list, rows[:half]), more, *map(list, rows[count - half :])]
+        return [*map(list, rows[:half]), more, *map(list, rows[len(rows) - half :])]
 
     def listed(self) -> tuple[list[list[str]], list[list[str]]]:
         """Texts of the items up to the limit, and of the rows below them."""
-        texts, count = self.texts, len(self.items)
-        return self.shortened(texts[:count]), texts[count:]
+        count, half = len(self.items), self.limit // 2
+        shown = [*self.items[:half], *self.items[count - half :]]
+        some = self if count <= self.limit + 1 else msgspec.structs.replace(self, items=shown)
+        texts, kept = some.texts, len(some.items)
+        return self.shortened(texts[:kept]), texts[kept:]
 
     def used(self) -> Table[T]:
         """The table without the columns that hold nothing; the first one stays."""
