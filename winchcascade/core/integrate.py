@@ -161,6 +161,20 @@ def white_noise(x: Signal) -> float:
     )
 
 
+def values_at(t: Signal, x: Signal, instants: Signal) -> Signal:
+    """Value of a signal at some instants by linear interpolation, that of the first or last sample
+    beyond the log; `numpy.interp` copies a signal that cannot be written to.
+
+    >>> values_at(np.array([0.0, 2.0]), np.array([1.0, 5.0]), np.array([-1.0, 0.5, 2.0])).tolist()
+    [1.0, 2.0, 5.0]
+    """
+    at = np.maximum(np.searchsorted(t, instants, side="right") - 1, 0)
+    after = np.minimum(at + 1, t.size - 1)
+    length = t[after] - t[at]
+    share = np.clip(instants - t[at], 0.0, length) / np.where(length > 0.0, length, 1.0)
+    return np.asarray(x[at] + share * (x[after] - x[at]))
+
+
 def slope_of(t: Signal, x: Signal) -> Stream:
     """The slope of a signal by its neighbours on both sides, as `numpy.gradient` has it, for some
     rows of the log, in the unit of the signal per second.

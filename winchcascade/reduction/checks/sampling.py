@@ -198,7 +198,7 @@ def coarse_resolution(log: PhasedLog) -> Iterator[Fault]:
     for name, per_step in errors.items():
         onset = OF_ONSET * log.rig.thresholds.v_onset if name == "velocity" else math.inf
         step = recorded_step(
-            log.samples(name, payouts)[:ENOUGH], min(REPORTED / max(per_step, SMALLEST), onset)
+            log.samples(name, payouts), min(REPORTED / max(per_step, SMALLEST), onset)
         )
         if step and per_step * step < 1e9:
             yield Fault("coarse_resolution", name, (), {"step": step, "error": per_step * step})
@@ -212,6 +212,7 @@ def recorded_step(x: Signal, least: float) -> float:
     resolution. A channel that holds two values, as a friction or a brake does, or changes a few
     times, has none.
     """
+    x = x[:ENOUGH]
     changes = np.abs(np.diff(x))
     changes = changes[changes > 0.0]
     if changes.size < MIN_COMPARED // 2 or (step := quantile(changes, 0.05)) < least:
