@@ -1,19 +1,22 @@
 """Integrals, means and extremes of signals over windows, in blocks that stay in the processor's
 cache; order statistics and white noise.
 
-`numpy.median` and `numpy.quantile` import numpy's masked arrays, which takes longer than the
-reduction of a log.
+`numpy.median`, `numpy.quantile` and `numpy.unique` import numpy's masked arrays, which takes longer
+than the reduction of a log.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 
 from winchcascade.core.cascade import Stream
 from winchcascade.core.run import Index, Mask, Signal
+
+Ordered = TypeVar("Ordered", Signal, Index)
 
 BLOCK = 1 << 17
 """Samples that are worked on at a time."""
@@ -71,6 +74,16 @@ def _in_order(x: Signal, place: float) -> float:
 def median(x: Signal) -> float:
     """Median of finite values; x must not be empty."""
     return quantile(x, 0.5)
+
+
+def distinct(x: Ordered) -> Ordered:
+    """Different finite values in rising order, as `numpy.unique` has them.
+
+    >>> distinct(np.array([2.0, 1.0, 2.0])).tolist()
+    [1.0, 2.0]
+    """
+    rising = np.sort(x)
+    return np.concatenate((rising[:1], rising[1:][rising[1:] != rising[:-1]]))
 
 
 def medians_of_others(x: Signal) -> Signal:

@@ -15,7 +15,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from winchcascade.core.integrate import white_noise
+from winchcascade.core.integrate import distinct, white_noise
 from winchcascade.core.run import Mask, Signal
 from winchcascade.reduction.checks.phased_log import Fault, PhasedLog
 from winchcascade.reduction.efficiency import SMALLEST
@@ -145,7 +145,7 @@ def comparisons(n: int) -> tuple[Mask, Signal]:
     The first cycles of every split, every cycle alone, and the change along a fitted straight line,
     which sets none apart.
     """
-    splits = np.unique(np.linspace(1, n - 1, min(n - 1, MANY)).astype(int))
+    splits = distinct(np.linspace(1, n - 1, min(n - 1, MANY)).astype(np.intp))
     masks = np.vstack(
         [np.arange(n) < splits[:, None], np.eye(n, dtype=bool)[1 : n - 1 if n <= MANY else 1]]
     )

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from winchcascade.core.integrate import BLOCK, median, stretches_of
+from winchcascade.core.integrate import BLOCK, distinct, median, stretches_of
 from winchcascade.core.run import FindingKind, Index, Mask, Signal
 from winchcascade.ingest.checks.samples import OF_NOISE, Samples, limits_of
 from winchcascade.ingest.checks.witnesses import (
@@ -208,9 +208,10 @@ def _held(log: Samples, name: str, x: Signal, at: Index) -> Iterator[tuple[int, 
     jump, at_end = np.fmin(np.abs(into), np.abs(out)), np.isnan(into * out)
     low, width = np.minimum.reduceat(x, starts), np.maximum.reduceat(x, starts)
     width -= low
-    _, which, times = np.unique(low, return_inverse=True, return_counts=True)
+    rising = np.sort(low)
+    times = rising.searchsorted(low, side="right") - rising.searchsorted(low)
     # Single samples of a code are no spikes where some lie side by side.
-    again = (ends - starts > 1) | (times >= SPIKE_LENGTH_MAX)[which] | at_end
+    again = (ends - starts > 1) | (times >= SPIKE_LENGTH_MAX) | at_end
     little = (width < HOLDS * jump) & (ends - starts > SPIKE_LENGTH_MAX) & ~at_end
     chosen = ((width == 0.0) & again | little) & (jump > level.long_fault) & ~(into * out > 0.0)
     yield from zip(starts[chosen].tolist(), ends[chosen].tolist(), strict=True)
@@ -359,7 +360,7 @@ def _beyond_chance(
         known = [still[rows] for rows in groups if rows.size >= BESIDE // 8]
         shares = [(np.count_nonzero(part) + 1.0) / (part.size + 2.0) for part in known]
         if (b - a) * math.log(min(factor * max(shares, default=1.0), 1.0)) < CERTAIN:
-            held = np.unique(x[both[still[both]]])
+            held = distinct(x[both[still[both]]])
             # The steps of a coarse channel, though a logger interpolates between them.
             coarse = factor == 1.0 and held.size >= SPIKE_LENGTH_MAX
             step = float(np.diff(held).min()) if coarse else level.step

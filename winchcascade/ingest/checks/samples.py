@@ -14,7 +14,9 @@ from winchcascade.core.channels import Channel
 from winchcascade.core.integrate import (
     BLOCK,
     ENOUGH,
+    distinct,
     median,
+    positive_median,
     quantiles_in_place,
     smallest_step,
     stretches_of,
@@ -101,18 +103,22 @@ def level_of(x: Signal) -> Level:
     steps = np.diff(begin)
     # Medians of white noise are 0.954 and 1.652 standard deviations; a ramp shows in the one, a
     # ringing in the other.
-    noise = min(_usual(steps) / 0.954, _usual(np.diff(steps)) / 1.652)
+    noise = min(
+        positive_median(np.abs(change)) / usual
+        for change, usual in ((steps, 0.954), (np.diff(steps), 1.652))
+    )
     low, high = quantiles_in_place(
-        np.unique(spread), [0.005, 0.995]
+        distinct(spread), [0.005, 0.995]
     )  # each value once: a log may rest for hours
     step = smallest_step(begin)
     large = np.flatnonzero(np.abs(steps) > _level(low, high, noise, step).fault)
     if large.size:
-        values, count = np.unique(begin[np.concatenate((large, large + 1))], return_counts=True)
-        codes = values[count >= max(3.0, 0.05 * large.size)]
-        others = spread[~np.isin(spread, codes)]
+        beside = np.sort(begin[np.concatenate((large, large + 1))])
+        least = max(3, math.ceil(0.05 * large.size))  # equal ones follow each other
+        codes = distinct(beside[least - 1 :][beside[least - 1 :] == beside[: 1 - least]])
+        others = spread[~np.isin(spread, codes)] if codes.size else spread[:0]
         if others.size > 0.05 * spread.size:
-            low, high = quantiles_in_place(np.unique(others), [0.005, 0.995])
+            low, high = quantiles_in_place(distinct(others), [0.005, 0.995])
     return _level(low, high, noise, step)
 
 
@@ -122,12 +128,6 @@ def _level(low: float, high: float, noise: float, step: float) -> Level:
     fault = max(OF_RANGE * span, OF_NOISE * noise, 2.5 * step)
     long_fault, moves = max(LONGER * OF_RANGE * span, fault), span > 2.0 * OF_NOISE * noise
     return Level(low, high, noise, step, span, max(abs(low), abs(high)), fault, long_fault, moves)
-
-
-def _usual(change: Signal) -> float:
-    """Median size of the changes that are not 0; 0 where there is none."""
-    change = np.abs(change[change != 0])
-    return median(change) if change.size else 0.0
 
 
 class Samples(msgspec.Struct):

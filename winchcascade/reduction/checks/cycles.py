@@ -15,6 +15,7 @@ from winchcascade.core.accuracy import CERTAIN
 from winchcascade.core.integrate import (
     ENOUGH,
     GAUSS,
+    distinct,
     median,
     medians_of_others,
     smallest_step,
@@ -132,12 +133,15 @@ def copied_cycles(log: PhasedLog) -> Iterator[Fault]:
     if len(log.complete) < 2 or any(f.kind == "repeated_rows" for f in log.run.findings):
         return
     # Rows that differ have other sums, but for chance.
-    weights = np.random.default_rng(0).uniform(1.0, 2.0, len(channels))
+    weights = np.cos(np.arange(1.0, len(channels) + 1.0))
     rows = [log.phased.rows(c.window.onset, c.window.cutoff) for c in log.complete]
     sums = [weights @ np.array([x[part] for x in channels.values()]) for part in rows]
     of_cycle = np.repeat(np.arange(len(sums)), [part.size for part in sums])
-    _, first, which = np.unique(np.concatenate(sums), return_index=True, return_inverse=True)
-    in_cycle = np.split(of_cycle[first][which], np.cumsum([part.size for part in sums[:-1]]))
+    order = np.argsort(every := np.concatenate(sums), kind="stable")
+    begins = np.flatnonzero(np.diff(every[order], prepend=np.nan))
+    first = np.empty_like(of_cycle)
+    first[order] = np.repeat(of_cycle[order[begins]], np.diff(begins, append=every.size))
+    in_cycle = np.split(first, np.cumsum([part.size for part in sums[:-1]]))
 
     @cache
     def is_noisy(k: int) -> bool:
@@ -197,7 +201,7 @@ def uneven_strokes(log: PhasedLog) -> Iterator[Fault]:
         ]
         fault, x = "stopped", np.array(kept)
     usual, scatter = medians_of_others(x), np.empty(x.size)
-    for middle in np.unique(usual):
+    for middle in distinct(usual):
         same = usual == middle
         scatter[same] = GAUSS * medians_of_others(np.abs(x - middle))[same]
     odd = np.flatnonzero(np.abs(x - usual) > CERTAIN * np.maximum(scatter, repeats * usual))
