@@ -146,9 +146,8 @@ def comparisons(n: int) -> tuple[Mask, Signal]:
     which sets none apart.
     """
     splits = distinct(np.linspace(1, n - 1, min(n - 1, MANY)).astype(np.intp))
-    masks = np.vstack(
-        [np.arange(n) < splits[:, None], np.eye(n, dtype=bool)[1 : n - 1 if n <= MANY else 1]]
-    )
+    alone = np.arange(1, n - 1 if n <= MANY else 1)
+    masks = np.vstack([np.arange(n) < splits[:, None], np.arange(n) == alone[:, None]])
     size = masks.sum(axis=1, keepdims=True)
     weights = np.where(masks, -1.0 / size, 1.0 / (n - size))
     if 2 < n <= MANY:
