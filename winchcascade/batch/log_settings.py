@@ -10,8 +10,6 @@ from msgspec.structs import replace
 
 from winchcascade.core.campaign_settings import LogSettings, settings_beside
 from winchcascade.core.errors import CampaignError
-from winchcascade.core.rig_file import Rig
-from winchcascade.core.rig_toml import read_rig
 
 
 def settings_of(
@@ -30,9 +28,11 @@ def settings_of(
     CampaignError : the campaign.toml cannot be used, and the options leave something open
     RigError : the rig file cannot be used
     """
-    named = None if rig is None else _load_rig(rig)
+    from winchcascade.rig.baseline import load_rig  # it imports numpy, for which a help would wait
+
+    named = None if rig is None else load_rig(rig)
     try:
-        settings = settings_beside(log, named, sheet, _load_rig)
+        settings = settings_beside(log, named, sheet, load_rig)
     except CampaignError:
         if named is None or None in (load_ohm, window):
             raise
@@ -42,13 +42,3 @@ def settings_of(
     if window is not None:
         settings = replace(settings, window=window)
     return settings if sheet is None else replace(settings, sheet=sheet)
-
-
-def _load_rig(rig: str | Path) -> Rig:
-    """Read a rig file; only one that states effects waits for the import of the catalogue."""
-    found = read_rig(rig)
-    if found.effects:
-        from winchcascade.rig.baseline import load_rig
-
-        return load_rig(rig)
-    return found

@@ -43,18 +43,6 @@ def quantile(x: Signal, q: float) -> float:
     return _in_order(x.copy(), q * (x.size - 1))
 
 
-def quantiles_in_place(x: Signal, shares: Sequence[float]) -> list[float]:
-    """Quantiles of finite values, by rising shares, as `quantile` gives them, without a copy: x
-    is put into another order.
-    """
-    found, done = [], 0
-    for share in shares:
-        place = share * (x.size - 1)
-        found.append(_in_order(x[done:], place - done))
-        done = int(place)
-    return found
-
-
 def _in_order(x: Signal, place: float) -> float:
     """Value at a place in the order of values, between two places by linear interpolation; NaN
     comes last.

@@ -17,7 +17,7 @@ from winchcascade.core.integrate import (
     distinct,
     median,
     positive_median,
-    quantiles_in_place,
+    quantile,
     smallest_step,
     stretches_of,
 )
@@ -107,19 +107,23 @@ def level_of(x: Signal) -> Level:
         positive_median(np.abs(change)) / usual
         for change, usual in ((steps, 0.954), (np.diff(steps), 1.652))
     )
-    low, high = quantiles_in_place(
-        distinct(spread), [0.005, 0.995]
-    )  # each value once: a log may rest for hours
+    low, high = _ends(spread)
     step = smallest_step(begin)
     large = np.flatnonzero(np.abs(steps) > _level(low, high, noise, step).fault)
-    if large.size:
-        beside = np.sort(begin[np.concatenate((large, large + 1))])
-        least = max(3, math.ceil(0.05 * large.size))  # equal ones follow each other
-        codes = distinct(beside[least - 1 :][beside[least - 1 :] == beside[: 1 - least]])
-        others = spread[~np.isin(spread, codes)] if codes.size else spread[:0]
+    beside = np.sort(begin[np.concatenate((large, large + 1))])
+    more = max(3, math.ceil(0.05 * large.size)) - 1
+    codes = distinct(beside[more:][beside[more:] == beside[:-more]])  # equal ones follow each other
+    if codes.size:
+        others = spread[~np.isin(spread, codes)]
         if others.size > 0.05 * spread.size:
-            low, high = quantiles_in_place(distinct(others), [0.005, 0.995])
+            low, high = _ends(others)
     return _level(low, high, noise, step)
+
+
+def _ends(x: Signal) -> tuple[float, float]:
+    """Ends of the range of a signal, each value once: a log may rest for hours."""
+    values = distinct(x)
+    return quantile(values, 0.005), quantile(values, 0.995)
 
 
 def _level(low: float, high: float, noise: float, step: float) -> Level:
