@@ -26,6 +26,9 @@ ENOUGH = 400_000
 channel.
 """
 
+ROUNDED = 1e-9
+"""Share by which even intervals differ as the digits of stamps are rounded. [1]"""
+
 GAUSS = 1.4826
 """Standard deviation of a normal variable over the median of its magnitude."""
 
@@ -136,6 +139,15 @@ def positive_median(x: Signal) -> float:
     return _in_order(x.copy(), rest + 0.5 * (above - 1)) if above else 0.0
 
 
+def usual_interval(t: Signal) -> float:
+    """Median of the intervals between the first stamps; of even ones, whose digits are rounded, the
+    middle, as their order takes long. [s]
+    """
+    steps = np.diff(t[:BLOCK])
+    low, high = float(steps.min()), float(steps.max())
+    return 0.5 * (low + high) if high - low < ROUNDED * high else median(steps)
+
+
 def smallest_step(x: Signal) -> float:
     """Smallest change between neighbouring samples that is not 0: the resolution of a channel,
     in its unit.
@@ -188,11 +200,12 @@ def slope_of(t: Signal, x: Signal) -> Stream:
         if isinstance(rows, slice):
             begin = max(rows.start - 1, 0)
             part = slice(begin, rows.stop + 1)
-            return np.gradient(x[part], t[part])[rows.start - begin :][: rows.stop - rows.start]
+            near: Signal = np.gradient(x[part], t[part])[rows.start - begin :]
+            return near[: rows.stop - rows.start]
         before, after = np.maximum(rows - 1, 0), np.minimum(rows, t.size - 2)
         left, right = t[before + 1] - t[before], t[after + 1] - t[after]
         rise = right * (x[before + 1] - x[before]) / left
-        return (rise + left * (x[after + 1] - x[after]) / right) / (left + right)
+        return np.asarray((rise + left * (x[after + 1] - x[after]) / right) / (left + right))
 
     return slope
 

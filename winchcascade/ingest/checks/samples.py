@@ -12,14 +12,12 @@ import numpy as np
 
 from winchcascade.core.channels import Channel
 from winchcascade.core.integrate import (
-    BLOCK,
     ENOUGH,
     distinct,
-    median,
     positive_median,
-    quantile,
     smallest_step,
     stretches_of,
+    usual_interval,
 )
 from winchcascade.core.quantity import find_unit
 from winchcascade.core.rig_file import Rig, Sensor
@@ -123,7 +121,9 @@ def level_of(x: Signal) -> Level:
 def _ends(x: Signal) -> tuple[float, float]:
     """Ends of the range of a signal, each value once: a log may rest for hours."""
     values = distinct(x)
-    return quantile(values, 0.005), quantile(values, 0.995)
+    places = np.array([0.005, 0.995]) * (values.size - 1)
+    low, high = np.interp(places, np.arange(values.size), values).tolist()
+    return low, high
 
 
 def _level(low: float, high: float, noise: float, step: float) -> Level:
@@ -177,7 +177,7 @@ class Samples(msgspec.Struct):
     def interval(self) -> float:
         """Usual interval between samples. [s]"""
         if not self.usual_interval:
-            self.usual_interval = median(np.diff(self.t[:BLOCK]))
+            self.usual_interval = usual_interval(self.t)
         return self.usual_interval
 
     def rows(self, seconds: float) -> int:

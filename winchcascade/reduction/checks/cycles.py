@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -18,12 +17,10 @@ from winchcascade.core.integrate import (
     distinct,
     median,
     medians_of_others,
-    smallest_step,
-    white_noise,
 )
 from winchcascade.core.plain_text import numbers_text
-from winchcascade.core.run import Signal
-from winchcascade.reduction.checks.phased_log import MIN_COMPARED, Fault, PhasedLog
+from winchcascade.ingest.checks.sensors import is_noisy
+from winchcascade.reduction.checks.phased_log import Fault, PhasedLog
 from winchcascade.reduction.efficiency import SMALLEST, ratio
 from winchcascade.reduction.phased_run import travel_in
 
@@ -132,9 +129,12 @@ def copied_cycles(log: PhasedLog) -> Iterator[Fault]:
     channels = {name: x for name, x in log.run.channels.items() if name != "displacement"}
     if len(log.complete) < 2 or any(f.kind == "repeated_rows" for f in log.run.findings):
         return
+    if not any(is_noisy(np.diff(x[:ENOUGH])) for x in channels.values()):
+        return
     # Rows that differ have other sums, but for chance.
     weights = np.cos(np.arange(1.0, len(channels) + 1.0))
-    rows = [log.phased.rows(c.window.onset, c.window.cutoff) for c in log.complete]
+    windows = [(c.window.onset, c.window.cutoff) for c in log.complete]
+    rows = [log.phased.rows(*window) for window in windows]
     sums = [weights @ np.array([x[part] for x in channels.values()]) for part in rows]
     of_cycle = np.repeat(np.arange(len(sums)), [part.size for part in sums])
     order = np.argsort(every := np.concatenate(sums), kind="stable")
@@ -143,33 +143,17 @@ def copied_cycles(log: PhasedLog) -> Iterator[Fault]:
     first[order] = np.repeat(of_cycle[order[begins]], np.diff(begins, append=every.size))
     in_cycle = np.split(first, np.cumsum([part.size for part in sums[:-1]]))
 
-    @cache
-    def is_noisy(k: int) -> bool:
-        return any(has_noise(x[rows[k]]) for x in channels.values())
-
     copies = []
     for k, seen_in in enumerate(in_cycle):
         # A cycle that holds more than half of the samples is in the middle of their order.
         original = int(np.sort(seen_in)[seen_in.size // 2]) if seen_in.size else k
         equal = np.count_nonzero(seen_in == original)
-        if original < k and 2 * equal > seen_in.size and is_noisy(original):
-            copies.append(log.complete[k])
+        if original < k and 2 * equal > seen_in.size:
+            copies.append(k)
     if copies:
-        spans = [(c.window.onset, c.window.cutoff) for c in copies]
-        numbers = numbers_text(c.cycle for c in copies)
-        yield Fault("copied", None, spans, {"cycles": numbers, "all": len(log.complete)})
-
-
-def has_noise(x: Signal) -> bool:
-    """Whether a channel has noise beyond its resolution, which reverses most differences of the
-    fourth order.
-    """
-    change = np.diff(x, 4)
-    return (
-        x.size > MIN_COMPARED
-        and white_noise(x) > smallest_step(x)
-        and bool(np.mean(change[1:] * change[:-1] < 0.0) > 0.5)
-    )
+        numbers = numbers_text(log.complete[k].cycle for k in copies)
+        values = {"cycles": numbers, "all": len(windows)}
+        yield Fault("copied", None, [windows[k] for k in copies], values)
 
 
 def uneven_strokes(log: PhasedLog) -> Iterator[Fault]:
