@@ -19,7 +19,7 @@ from winchcascade.core.integrate import (
     medians_of_others,
 )
 from winchcascade.core.plain_text import numbers_text
-from winchcascade.ingest.checks.sensors import is_noisy
+from winchcascade.ingest.checks.sensors import is_noisy, row_keys
 from winchcascade.reduction.checks.phased_log import Fault, PhasedLog
 from winchcascade.reduction.efficiency import SMALLEST, ratio
 from winchcascade.reduction.phased_run import travel_in
@@ -131,20 +131,16 @@ def copied_cycles(log: PhasedLog) -> Iterator[Fault]:
         return
     if not any(is_noisy(np.diff(x[:ENOUGH])) for x in channels.values()):
         return
-    # Rows that differ have other sums, but for chance.
-    weights = np.cos(np.arange(1.0, len(channels) + 1.0))
     windows = [(c.window.onset, c.window.cutoff) for c in log.complete]
     rows = [log.phased.rows(*window) for window in windows]
-    sums = [weights @ np.array([x[part] for x in channels.values()]) for part in rows]
-    of_cycle = np.repeat(np.arange(len(sums)), [part.size for part in sums])
-    order = np.argsort(every := np.concatenate(sums), kind="stable")
+    keys = [row_keys(x[part] for x in channels.values()) for part in rows]
+    of_cycle = np.repeat(np.arange(len(keys)), [part.size for part in keys])
+    order = np.argsort(every := np.concatenate(keys), kind="stable")
     begins = np.flatnonzero(np.diff(every[order], prepend=np.nan))
-    first = np.empty_like(of_cycle)
+    first = np.empty_like(of_cycle)  # of the cycles that hold an equal row
     first[order] = np.repeat(of_cycle[order[begins]], np.diff(begins, append=every.size))
-    in_cycle = np.split(first, np.cumsum([part.size for part in sums[:-1]]))
-
     copies = []
-    for k, seen_in in enumerate(in_cycle):
+    for k, seen_in in enumerate(np.split(first, np.cumsum([part.size for part in keys[:-1]]))):
         # A cycle that holds more than half of the samples is in the middle of their order.
         original = int(np.sort(seen_in)[seen_in.size // 2]) if seen_in.size else k
         equal = np.count_nonzero(seen_in == original)
