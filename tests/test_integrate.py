@@ -5,13 +5,16 @@ from hypothesis import strategies as st
 
 from winchcascade.core import integrate
 from winchcascade.core.integrate import (
+    distinct,
     extremes,
     integrals,
     means_of,
+    medians_of_others,
     positive_median,
     quantile,
-    quantiles_in_place,
     running,
+    slope_of,
+    values_at,
 )
 
 EXACT = 1e-9
@@ -60,6 +63,16 @@ def test_a_mean_over_no_time_is_not_a_number() -> None:
     assert np.isnan(means_of(t, [t.__getitem__], np.array([[2.0, 2.0]])))[0, 0]
 
 
+def test_slopes_and_values_between_samples_are_those_of_numpy() -> None:
+    rng = np.random.default_rng(3)
+    t, x = np.cumsum(rng.uniform(0.5, 1.5, 50)), rng.normal(size=50)
+    expected, slope = np.gradient(x, t), slope_of(t, x)
+    for rows in (slice(0, 9), slice(20, 50), np.array([0, 7, 49])):
+        assert slope(rows) == pytest.approx(expected[rows])
+    instants = rng.uniform(t[0] - 1.0, t[-1] + 1.0, 200)
+    assert values_at(t, x, instants) == pytest.approx(np.interp(instants, t, x))
+
+
 def test_extremes_are_those_of_the_samples_inside() -> None:
     t, x = np.arange(6.0), np.array([9.0, 1.0, 5.0, 2.0, -4.0, 8.0])
     minimum, largest = extremes(t, x, np.array([[0.5, 2.1], [2.2, 2.4], [4.0, 5.0]]))
@@ -76,12 +89,13 @@ def test_extremes_are_those_of_the_samples_inside() -> None:
 def test_order_statistics_are_those_of_numpy(values: list[float], shares: list[float]) -> None:
     x, shares = np.array(values), sorted(shares)
     expected = np.quantile(x, shares)
-    assert quantiles_in_place(x.copy(), shares) == pytest.approx(
-        expected.tolist(), rel=1e-9, abs=1e-9
-    )
     assert [quantile(x, share) for share in shares] == pytest.approx(
         expected.tolist(), rel=1e-9, abs=1e-9
     )
+    assert distinct(x).tolist() == np.unique(x).tolist()
+    if x.size > 1:
+        others = [float(np.median(np.delete(x, k))) for k in range(x.size)]
+        assert medians_of_others(x).tolist() == pytest.approx(others)
     with_holes = np.concatenate((x, np.full(3, np.nan)))
     middle = float(np.median(x[x > 0])) if np.any(x > 0) else 0.0
     assert positive_median(x) == pytest.approx(middle)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import msgspec
@@ -12,6 +12,8 @@ from winchcascade.core.rig_file import Rig, Sensor
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from winchcascade.core.run import Signal
 
 Part = Literal["zero", "gain", "gap", "lag"]
 Shape = Literal["rectangular", "normal"]
@@ -209,8 +211,19 @@ def student(freedom: float) -> float:
         return z + sum(term / n**k for k, term in enumerate(terms, 1))
     import numpy as np  # which a help does not wait for
 
-    left = np.linspace(1.0, 0.0, ANGLES)  # closer together where the tangent is steep
-    angle = math.pi / 2.0 * (1.0 - left**2)
-    density = np.cos(angle) ** (freedom - 1.0) * left
-    within = np.concatenate(([0.0], np.cumsum(density[1:] + density[:-1])))
+    left, angle, log_cosine = _angles()
+    density = np.exp((freedom - 1.0) * log_cosine) * left
+    within = np.cumsum(density)
+    within -= 0.5 * (density + density[0])  # trapezoids from the first angle on
     return math.sqrt(freedom) * math.tan(float(np.interp(0.95 * within[-1], within, angle)))
+
+
+@cache
+def _angles() -> tuple[Signal, Signal, Signal]:
+    """Even steps from 1 to 0, the angles from 0 to pi / 2 that they are mapped to, closer together
+    where the tangent is steep, and logarithms of their cosines."""
+    import numpy as np
+
+    left = np.linspace(1.0, 0.0, ANGLES)
+    angle = math.pi / 2.0 * (1.0 - left**2)
+    return left, angle, np.log(np.cos(angle))

@@ -1,19 +1,22 @@
 """Integrals, means and extremes of signals over windows, in blocks that stay in the processor's
 cache; order statistics and white noise.
 
-`numpy.median` and `numpy.quantile` import numpy's masked arrays, which takes longer than the
-reduction of a log.
+`numpy.median`, `numpy.quantile` and `numpy.unique` import numpy's masked arrays, which takes longer
+than the reduction of a log.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 
 from winchcascade.core.cascade import Stream
 from winchcascade.core.run import Index, Mask, Signal
+
+Ordered = TypeVar("Ordered", Signal, Index)
 
 BLOCK = 1 << 17
 """Samples that are worked on at a time."""
@@ -22,6 +25,9 @@ ENOUGH = 400_000
 """Number of samples at the beginning of a log that show the resolution and the noise of a
 channel.
 """
+
+ROUNDED = 1e-9
+"""Share by which even intervals differ as the digits of stamps are rounded. [1]"""
 
 GAUSS = 1.4826
 """Standard deviation of a normal variable over the median of its magnitude."""
@@ -38,18 +44,6 @@ def quantile(x: Signal, q: float) -> float:
     2.5
     """
     return _in_order(x.copy(), q * (x.size - 1))
-
-
-def quantiles_in_place(x: Signal, shares: Sequence[float]) -> list[float]:
-    """Quantiles of finite values, by rising shares, as `quantile` gives them, without a copy: x
-    is put into another order.
-    """
-    found, done = [], 0
-    for share in shares:
-        place = share * (x.size - 1)
-        found.append(_in_order(x[done:], place - done))
-        done = int(place)
-    return found
 
 
 def _in_order(x: Signal, place: float) -> float:
@@ -71,6 +65,29 @@ def _in_order(x: Signal, place: float) -> float:
 def median(x: Signal) -> float:
     """Median of finite values; x must not be empty."""
     return quantile(x, 0.5)
+
+
+def distinct(x: Ordered) -> Ordered:
+    """Different finite values in rising order, as `numpy.unique` has them.
+
+    >>> distinct(np.array([2.0, 1.0, 2.0])).tolist()
+    [1.0, 2.0]
+    """
+    rising = np.sort(x)
+    return np.concatenate((rising[:1], rising[1:][rising[1:] != rising[:-1]]))
+
+
+def medians_of_others(x: Signal) -> Signal:
+    """Median of all other values for each of at least two finite ones, (n,).
+
+    >>> medians_of_others(np.array([4.0, 1.0, 3.0, 2.0])).tolist()
+    [2.0, 3.0, 2.0, 3.0]
+    """
+    order, places = np.argsort(x), np.arange(x.size)
+    low, high = (x[order[k + (k >= places)]] for k in ((x.size - 2) // 2, (x.size - 1) // 2))
+    found = np.empty(x.size)
+    found[order] = low + 0.5 * (high - low)
+    return found
 
 
 def rms(x: Signal) -> float:
@@ -122,6 +139,15 @@ def positive_median(x: Signal) -> float:
     return _in_order(x.copy(), rest + 0.5 * (above - 1)) if above else 0.0
 
 
+def usual_interval(t: Signal) -> float:
+    """Median of the intervals between the first stamps; of even ones, whose digits are rounded, the
+    middle, as their order takes long. [s]
+    """
+    steps = np.diff(t[:BLOCK])
+    low, high = float(steps.min()), float(steps.max())
+    return 0.5 * (low + high) if high - low < ROUNDED * high else median(steps)
+
+
 def smallest_step(x: Signal) -> float:
     """Smallest change between neighbouring samples that is not 0: the resolution of a channel,
     in its unit.
@@ -146,6 +172,42 @@ def white_noise(x: Signal) -> float:
     return max(
         float(GAUSS * median(np.abs(np.diff(x, 4))) / np.sqrt(70.0)), resolution / math.sqrt(12.0)
     )
+
+
+def values_at(t: Signal, x: Signal, instants: Signal) -> Signal:
+    """Value of a signal at some instants by linear interpolation, that of the first or last sample
+    beyond the log; `numpy.interp` copies a signal that cannot be written to.
+
+    >>> values_at(np.array([0.0, 2.0]), np.array([1.0, 5.0]), np.array([-1.0, 0.5, 2.0])).tolist()
+    [1.0, 2.0, 5.0]
+    """
+    at = np.maximum(np.searchsorted(t, instants, side="right") - 1, 0)
+    after = np.minimum(at + 1, t.size - 1)
+    length = t[after] - t[at]
+    share = np.clip(instants - t[at], 0.0, length) / np.where(length > 0.0, length, 1.0)
+    return np.asarray(x[at] + share * (x[after] - x[at]))
+
+
+def slope_of(t: Signal, x: Signal) -> Stream:
+    """The slope of a signal by its neighbours on both sides, as `numpy.gradient` has it, for some
+    rows of the log, in the unit of the signal per second.
+
+    >>> slope_of(np.array([0.0, 1.0, 3.0]), np.array([0.0, 1.0, 9.0]))(np.array([0, 1, 2])).tolist()
+    [1.0, 2.0, 4.0]
+    """
+
+    def slope(rows: slice | Index) -> Signal:
+        if isinstance(rows, slice):
+            begin = max(rows.start - 1, 0)
+            part = slice(begin, rows.stop + 1)
+            near: Signal = np.gradient(x[part], t[part])[rows.start - begin :]
+            return near[: rows.stop - rows.start]
+        before, after = np.maximum(rows - 1, 0), np.minimum(rows, t.size - 2)
+        left, right = t[before + 1] - t[before], t[after + 1] - t[after]
+        rise = right * (x[before + 1] - x[before]) / left
+        return np.asarray((rise + left * (x[after + 1] - x[after]) / right) / (left + right))
+
+    return slope
 
 
 def integrals(t: Signal, stream: Stream, windows: Signal) -> Signal:

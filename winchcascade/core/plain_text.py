@@ -5,7 +5,7 @@ obeys; list some of many.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 
 def one_line(text: str) -> str:
@@ -28,6 +28,21 @@ def first_of(texts: Sequence[str], limit: int, between: str = ", ") -> str:
     """
     more = f" and {len(texts) - limit} more" if len(texts) > limit else ""
     return between.join(texts[:limit]) + more
+
+
+def numbers_text(numbers: Iterable[int], limit: int = 12) -> str:
+    """List of rising numbers for a sentence, three and more in a row as a range.
+
+    >>> numbers_text([1, 2, 4, 5, 6]), numbers_text([1, 3, 5], limit=2)
+    ('1, 2, 4 to 6', '1, 3 and 1 more')
+    """
+    runs: list[list[int]] = []
+    for number in numbers:
+        if not runs or number != runs[-1][-1] + 1:
+            runs.append([])
+        runs[-1].append(number)
+    texts = [f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs]
+    return first_of(texts, limit)
 
 
 def printable(text: str) -> str:

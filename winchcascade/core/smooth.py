@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from winchcascade.core.integrate import BLOCK, median
+from winchcascade.core.integrate import BLOCK, usual_interval
 from winchcascade.core.run import Index, Mask, Signal
 
 EVEN = 0.05
@@ -47,7 +47,7 @@ def local_quadratic(t: Signal, x: Signal, width: float) -> Signal:
     """
     if t.size < 3:
         return x.copy()
-    usual = median(np.diff(t[:BLOCK]))
+    usual = usual_interval(t)
     half = int(width / 2 / usual + 1e-6)
     if half < 1:
         return x.copy()
@@ -72,7 +72,7 @@ def smoothing_weights(half: int) -> Signal:
 def evenly_stamped(t: Signal, half: int) -> Mask:
     """Samples with `half` neighbours on either side, all at the usual interval, (n,)."""
     even = np.ones(t.size, dtype=bool)
-    even[_near(_uneven(t, median(np.diff(t[:BLOCK]))), half, t.size)] = False
+    even[_near(_uneven(t, usual_interval(t)), half, t.size)] = False
     return even
 
 

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.errors import LogError
-from winchcascade.core.integrate import BLOCK, median
+from winchcascade.core.integrate import BLOCK, median, usual_interval
 from winchcascade.core.run import Finding, FindingKind, Index, Signal
 
 JITTER_SHARE = 0.1
@@ -161,7 +161,7 @@ def _steady(stamps: Signal) -> bool:
     """Whether every interval is the usual one, as in most logs; block by block, so that a long
     log needs no more memory.
     """
-    usual = _usual(np.diff(stamps[:BLOCK])) if stamps.size >= 3 else 0.0
+    usual = usual_interval(stamps) if stamps.size >= 3 else 0.0
     low, high = (1 - JITTER_SHARE) * usual, (1 + JITTER_SHARE) * usual
     parts = (
         np.diff(stamps[start : start + BLOCK + 1]) for start in range(0, stamps.size - 1, BLOCK)

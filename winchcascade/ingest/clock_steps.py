@@ -35,12 +35,12 @@ def without_steps(clock: Clock, channels: dict[str, Signal], where: str, repairs
     x, v = channels.get("displacement"), channels.get("velocity")
     if x is None:
         return clock
-    t, usual, findings = clock.t.copy(), 1.0 / clock.fs, clock.findings
+    t, usual, findings = clock.t, 1.0 / clock.fs, clock.findings
     for k in np.searchsorted(clock.t, clock.gaps[:, 0]).tolist():
         if _goes_on(clock.t, x, v, k, usual):
             start, end = clock.t[k : k + 2].tolist()
             findings = (*findings, _step(start, end - start - usual, applied=repairs == "on"))
-            t[k + 1 :] -= end - start - usual
+            t = np.append(t[: k + 1], t[k + 1 :] - (end - start - usual))
     if repairs == "off" or findings == clock.findings:
         return replace(clock, findings=findings)
     mended = read_clock(t, where)

@@ -15,7 +15,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from winchcascade.core.integrate import white_noise
+from winchcascade.core.integrate import distinct, white_noise
 from winchcascade.core.run import Mask, Signal
 from winchcascade.reduction.checks.phased_log import Fault, PhasedLog
 from winchcascade.reduction.efficiency import SMALLEST
@@ -145,10 +145,9 @@ def comparisons(n: int) -> tuple[Mask, Signal]:
     The first cycles of every split, every cycle alone, and the change along a fitted straight line,
     which sets none apart.
     """
-    splits = np.unique(np.linspace(1, n - 1, min(n - 1, MANY)).astype(int))
-    masks = np.vstack(
-        [np.arange(n) < splits[:, None], np.eye(n, dtype=bool)[1 : n - 1 if n <= MANY else 1]]
-    )
+    splits = distinct(np.linspace(1, n - 1, min(n - 1, MANY)).astype(np.intp))
+    alone = np.arange(1, n - 1 if n <= MANY else 1)
+    masks = np.vstack([np.arange(n) < splits[:, None], np.arange(n) == alone[:, None]])
     size = masks.sum(axis=1, keepdims=True)
     weights = np.where(masks, -1.0 / size, 1.0 / (n - size))
     if 2 < n <= MANY:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import integrals
+from winchcascade.core.integrate import integrals, values_at
 from winchcascade.core.rig_file import Rig, Thresholds
 from winchcascade.core.run import CLOCK, Run, Signal
 
@@ -82,10 +82,10 @@ def bridging_error(t: Signal, x: Signal, gaps: Signal, smoothing: float) -> Sign
     """
     width = np.maximum(gaps[:, 1] - gaps[:, 0], TOUCH * smoothing)
     beside = np.maximum(0.5 * width, SLOPE_LENGTH_MIN * smoothing)
-    first, last = np.interp(gaps.T, t, x)
+    first, last = values_at(t, x, gaps.T)
     chord = (last - first) / width
-    bend_in = (first - np.interp(gaps[:, 0] - beside, t, x)) / beside - chord
-    bend_out = chord - (np.interp(gaps[:, 1] + beside, t, x) - last) / beside
+    bend_in = (first - values_at(t, x, gaps[:, 0] - beside)) / beside - chord
+    bend_out = chord - (values_at(t, x, gaps[:, 1] + beside) - last) / beside
     kink = bend_in * bend_out > 0
     meeting = np.abs(bend_in * bend_out / np.where(kink, bend_in + bend_out, 1.0))
     error = 0.5 * width**2 * np.where(kink, meeting, np.maximum(np.abs(bend_in), np.abs(bend_out)))
@@ -93,7 +93,7 @@ def bridging_error(t: Signal, x: Signal, gaps: Signal, smoothing: float) -> Sign
         tried = gaps + shift * np.diff(gaps, axis=1)
         inside = (tried[:, 0] >= t[0]) & (tried[:, 1] <= t[-1])
         tried = np.clip(tried, t[0], t[-1])
-        line = 0.5 * (gaps[:, 1] - gaps[:, 0]) * np.interp(tried, t, x).sum(axis=1)
+        line = 0.5 * (gaps[:, 1] - gaps[:, 0]) * values_at(t, x, tried).sum(axis=1)
         error = np.maximum(error, inside * np.abs(integrals(t, x.__getitem__, tried) - line))
     return np.asarray(error)
 
@@ -117,7 +117,7 @@ def energy_error(
     first = np.searchsorted(np.maximum.accumulate(gaps[:, 1]), spans[:, 0], side="right")
     last = np.maximum(np.searchsorted(gaps[:, 0], spans[:, 1], side="left"), first)
     error: Signal = np.sqrt(
-        (moved * np.interp(spans[:, 1], t, watts)) ** 2 + square[last] - square[first]
+        (moved * values_at(t, watts, spans[:, 1])) ** 2 + square[last] - square[first]
     )
     return error
 
@@ -136,7 +136,7 @@ def instant_error(run: Run, v_smooth: Signal, instants: Signal, thresholds: Thre
     gaps, first = gaps[near], first[near]
     at, width = instants[first], gaps[:, 1] - gaps[:, 0]
     half = np.maximum(width, reach)
-    before, after = np.interp([at - half, at + half], run.t, v_smooth)
+    before, after = values_at(run.t, v_smooth, np.array([at - half, at + half]))
     slope = np.maximum((after - before) / (2.0 * half), least)
     # Weight of the smoothing quadratic over its mean, by the distance in its half widths (Savitzky
     # and Golay 1964).

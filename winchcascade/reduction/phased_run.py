@@ -12,7 +12,7 @@ import numpy as np
 
 from winchcascade.core.accuracy import part_uncertainty
 from winchcascade.core.errors import OptionError
-from winchcascade.core.integrate import extremes, integrals, median
+from winchcascade.core.integrate import extremes, integrals, median, values_at
 from winchcascade.core.log_thresholds import with_thresholds
 from winchcascade.core.rig_file import Rig, WindowRule
 from winchcascade.core.run import Finding, Run, Signal
@@ -141,9 +141,8 @@ def travel_in(run: Run, spans: Signal) -> list[float]:
     the velocity; NaN where both are unknown. [m]
     """
     if "displacement" in run.channels:
-        travel: Signal = np.diff(np.interp(spans, run.t, run.channels["displacement"]), axis=1)[
-            :, 0
-        ]
+        begin, end = values_at(run.t, run.channels["displacement"], np.asarray(spans).T)
+        travel = end - begin
     elif "velocity" in run.channels:
         travel = integrals(run.t, run.channels["velocity"].__getitem__, spans)
     else:

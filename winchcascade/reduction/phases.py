@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winchcascade.core.errors import LogError, OptionError
-from winchcascade.core.integrate import median, quantile, running
+from winchcascade.core.integrate import distinct, median, quantile, running
 from winchcascade.core.rig_file import Thresholds
-from winchcascade.core.run import Run, Signal
+from winchcascade.core.run import Index, Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.reduction.gap_error import all_gaps
 
@@ -148,7 +148,8 @@ def _find_runs(run: Run, v: Signal, thresholds: Thresholds) -> _Runs:
     side = sides(v, thresholds.v_onset)
     for a, b in zip(first, last, strict=True):
         side[a:b] = 0
-    start = np.unique(np.concatenate(([0], np.flatnonzero(np.diff(side)) + 1, last[last < n])))
+    changes: Index = np.concatenate(([0], np.flatnonzero(np.diff(side)) + 1, last[last < n]))
+    start = distinct(changes)
     travel = np.diff(running(run.t, v.__getitem__, np.append(start, n - 1)))
     for b in last[
         (first == last) & (last > 0) & (last < n)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import cached_property
 
 import msgspec
 
@@ -103,7 +104,7 @@ class Relation(msgspec.Struct, frozen=True, rename=RELATION):
         return max(self.u, abs(self.lag) / REMAINS)
 
 
-class Reduction(Viewed, frozen=True):
+class Reduction(Viewed, frozen=True, dict=True):
     """Result of the reduction of a log: every cycle, their mean and repeatability, and powers over
     generator speed.
 
@@ -157,7 +158,7 @@ class Reduction(Viewed, frozen=True):
             for n in names
         }
 
-    @property
+    @cached_property
     def complete(self) -> tuple[CycleResult, ...]:
         """The cycles that count."""
         return tuple(c for c in self.cycles if c.complete)

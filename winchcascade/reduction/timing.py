@@ -7,13 +7,12 @@ motion therefore moves the channel and all that follow it; what a rig file state
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-import numpy as np
+import math
+from collections.abc import Mapping, Set
 
 from winchcascade.core.accuracy import ErrorSource
 from winchcascade.core.cascade import Stream, Term
-from winchcascade.core.integrate import integrals_of
+from winchcascade.core.integrate import integrals_of, slope_of
 from winchcascade.core.run import Signal
 from winchcascade.reduction.reduction_result import Reduction
 
@@ -56,34 +55,26 @@ def lag_sources(reduction: Reduction) -> list[tuple[ErrorSource, tuple[str, ...]
     return found
 
 
-def lag_rates(reduction: Reduction, spans: Signal) -> Rates:
-    """What lags of single channels change of the energy of each stage in k spans, (k, 2) [s]."""
+def lag_rates(reduction: Reduction, late: Set[str], spans: Signal) -> Rates:
+    """What lags of single channels, those that may be late, change of the energy of each stage in k
+    spans, (k, 2) [s]."""
     run, radius = reduction.run, reduction.rig.r_drum
     powers = reduction.rig.cascade.powers(run.channels, radius)
-    slopes = {
-        name: np.gradient(run.channels[name], run.t)
-        for power in powers.values()
-        for name in power.channels
-    }
 
-    def stream(term: Term, late: str) -> Stream:
-        others, scale = (
-            [run.channels[name] for name in term.channels if name != late],
-            term.scale(radius),
-        )
-        return lambda part: (
-            np.prod([slopes[late][part], *(x[part] for x in others)], axis=0) * scale
-        )
+    def stream(term: Term, moved: str) -> Stream:
+        others = [run.channels[name] for name in term.channels if name != moved]
+        slope, scale = slope_of(run.t, run.channels[moved]), term.scale(radius)
+        return lambda part: math.prod((x[part] for x in others), start=scale * slope(part))
 
+    found: dict[str, dict[str, Signal]] = {stage: {} for stage in powers}
     of = [
-        (stage, name, stream(term, name))
+        (found[stage], term, name)
         for stage, p in powers.items()
         for term in p.terms
         for name in term.channels
+        if name in late
     ]
-    found: dict[str, dict[str, Signal]] = {stage: {} for stage in powers}
-    for (stage, name, _), joules in zip(
-        of, integrals_of(run.t, [s for *_, s in of], spans), strict=True
-    ):
-        found[stage][name] = found[stage].get(name, np.zeros(len(spans))) + joules
+    joules = integrals_of(run.t, [stream(term, name) for _, term, name in of], spans)
+    for (rates, _, name), of_term in zip(of, joules, strict=True):
+        rates[name] = rates.get(name, 0.0) + of_term
     return found

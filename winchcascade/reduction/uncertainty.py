@@ -275,7 +275,9 @@ def error_model(reduction: Reduction) -> ErrorModel:
         )
         for energy in energies.values():
             energy.integrals[-1] /= share
-    lags, rates = lag_sources(reduction), lag_rates(reduction, np.concatenate([*spans.values()]))
+    lags = lag_sources(reduction)
+    late = {name for _, moved in lags for name in moved}
+    rates = lag_rates(reduction, late, np.concatenate([*spans.values()]))
     for part, (stage, span) in rig.cascade.parts.items():
         if part in energies:
             of = {

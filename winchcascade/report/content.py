@@ -143,6 +143,15 @@ class Table(msgspec.Struct, Generic[T], frozen=True):
         return not self.items and not self.below
 
     @property
+    def _shown(self) -> Table[T]:
+        """The table with the items that are shown alone."""
+        count, half = len(self.items), self.limit // 2
+        if count <= self.limit + 1:
+            return self
+        ends = [*self.items[:half], *self.items[count - half :]]
+        return msgspec.structs.replace(self, items=ends)
+
+    @property
     def cells(self) -> list[list[Cell]]:
         """Rows as they are, unrounded."""
         return [[column.of(item) for column in self.columns] for item in self.items] + [
@@ -160,7 +169,8 @@ class Table(msgspec.Struct, Generic[T], frozen=True):
     @property
     def left(self) -> list[bool]:
         """Which columns hold texts, which stand to the left."""
-        rows = self.cells[: len(self.items)] or self.cells
+        cells = self._shown.cells
+        rows = cells[: len(cells) - len(self.below)] or cells
         return [any(isinstance(row[k], str) for row in rows) for k in range(len(self.columns))]
 
     @property
@@ -179,11 +189,11 @@ class Table(msgspec.Struct, Generic[T], frozen=True):
         if count <= self.limit + 1:
             return [list(row) for row in rows]
         more = [f"... {count - 2 * half} more" if counted else "", *[""] * (len(self.columns) - 1)]
-        return [*map(list, rows[:half]), more, *map(list, rows[count - half :])]
+        return [*map(list, rows[:half]), more, *map(list, rows[len(rows) - half :])]
 
     def listed(self) -> tuple[list[list[str]], list[list[str]]]:
         """Texts of the items up to the limit, and of the rows below them."""
-        texts, count = self.texts, len(self.items)
+        texts, count = self._shown.texts, len(self._shown.items)
         return self.shortened(texts[:count]), texts[count:]
 
     def used(self) -> Table[T]:

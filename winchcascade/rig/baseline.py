@@ -15,7 +15,6 @@ from winchcascade.core.quantity import ATMOSPHERE, Quantity, find_unit
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import DEFAULT_RIG, read_rig
 from winchcascade.core.scales import rated_current
-from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.effects.effect import ActiveEffect, Effect
 from winchcascade.rig.parts import (
     IN_RIG,
@@ -169,6 +168,10 @@ def stated_effects(rig: Rig) -> list[ActiveEffect]:
     ------
     RigError : no such effect or field, or a value that is not possible
     """
+    if not rig.effects:
+        return []
+    from winchcascade.rig.effects.catalogue import make_effect  # for which a plain log would wait
+
     effects = []
     for name, stated in rig.effects.items():
         place = f"{rig.path}: [{stated.table(name)}]"

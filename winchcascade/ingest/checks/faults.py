@@ -8,12 +8,12 @@ A check takes a log and the name of a channel and returns a mask of the samples 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from winchcascade.core.integrate import BLOCK, median, stretches_of
+from winchcascade.core.integrate import BLOCK, distinct, median, stretches_of
 from winchcascade.core.run import FindingKind, Index, Mask, Signal
 from winchcascade.ingest.checks.samples import OF_NOISE, Samples, limits_of
 from winchcascade.ingest.checks.witnesses import (
@@ -127,11 +127,12 @@ def jumped(log: Samples, name: str) -> Mask:
     the machine."""
     level = log.level(name)
     bad = level.is_far(log.channels[name])
-    place = np.flatnonzero(np.isfinite(log.channels[name]) & ~bad)
-    x = log.channels[name][place]
+    kept = np.isfinite(log.channels[name]) & ~bad
+    x = log.channels[name] if kept.all() else log.channels[name][kept]
     at = _jumps(x, level.fault)
     if not at.size:
         return bad
+    place = np.flatnonzero(kept)
     limit = max(map(abs, limits_of(log.rig.sensors.get(name))))  # whichever sign is that of payout
     spikes = set(_spikes(log, name, x, at))
     stretches = spikes.union(_held(log, name, x, at))
@@ -207,9 +208,10 @@ def _held(log: Samples, name: str, x: Signal, at: Index) -> Iterator[tuple[int, 
     jump, at_end = np.fmin(np.abs(into), np.abs(out)), np.isnan(into * out)
     low, width = np.minimum.reduceat(x, starts), np.maximum.reduceat(x, starts)
     width -= low
-    _, which, times = np.unique(low, return_inverse=True, return_counts=True)
+    rising = np.sort(low)
+    times = rising.searchsorted(low, side="right") - rising.searchsorted(low)
     # Single samples of a code are no spikes where some lie side by side.
-    again = (ends - starts > 1) | (times >= SPIKE_LENGTH_MAX)[which] | at_end
+    again = (ends - starts > 1) | (times >= SPIKE_LENGTH_MAX) | at_end
     little = (width < HOLDS * jump) & (ends - starts > SPIKE_LENGTH_MAX) & ~at_end
     chosen = ((width == 0.0) & again | little) & (jump > level.long_fault) & ~(into * out > 0.0)
     yield from zip(starts[chosen].tolist(), ends[chosen].tolist(), strict=True)
@@ -242,22 +244,25 @@ def stale(log: Samples, name: str) -> Mask:
         return _still_while_travelling(log, name, held)
     low, high = limits_of(log.rig.sensors.get(name))
     idle = 0.0 if name in MOTIONS else IDLE_SHARE * level.top
-    bad = _beyond_chance(log, name, held, _stretches(held, HELD_MIN), 1.0) & (np.abs(x) > idle)
-    bad &= (x >= low) & (x <= high)  # beyond that it was clipped
+    bad = _beyond_chance(log, name, held, _stretches(held, HELD_MIN), 1.0)
+    if bad.any():  # beyond its limits it was clipped
+        bad &= (np.abs(x) > idle) & (x >= low) & (x <= high)
     return bad | _still_while_travelling(log, name, held) if log.has_travel(name) else bad
 
 
 def _still_while_travelling(log: Samples, name: str, held: Mask) -> Mask:
     """Samples of a channel that follows the line and holds one value while another channel shows
     that the line travels."""
-    bad = np.zeros(held.size, dtype=bool)
+    bad, stretches = np.zeros(held.size, dtype=bool), _stretches(held, HELD_MIN - 1)
+    if not stretches:
+        return bad
     level, t, v = log.level(name), log.t, log.channels["velocity"]
     moves = np.where(np.abs(v) > 2.0 * log.rig.thresholds.v_onset, v, 0.0)  # no zero error, no hole
     least = max(STEPS * level.step, OF_NOISE * level.noise)
     if name == "pressure":  # in metres, by the travel of the line over the range of the pressure
         least *= np.ptp(np.cumsum(moves)) * log.interval / (level.span or math.inf)
     least = max(least, TRAVEL * log.rig.thresholds.stroke_min)
-    for a, b in _stretches(held, HELD_MIN - 1):
+    for a, b in stretches:
         travel = abs(float(np.trapezoid(moves[a - 1 : b], t[a - 1 : b])))
         if name == "velocity":
             travel, least = _apart(log, a - 1, b)
@@ -292,7 +297,7 @@ def filled_gaps(log: Samples, name: str) -> Mask:
     for a, b in _stretches(x[1:] == x[:-1], HELD_MIN - 1):
         calm[a : b + 1] = False  # what holds one value is judged as stale
     stretches = []
-    for a, b in _stretches(calm, HELD_MIN):
+    for a, b in _rarely_beside(log, name, calm, _stretches(calm, HELD_MIN)):
         change = np.diff(x[max(a - 2, 0) : b + 2])
         jump = np.max(np.abs(change[[0, -1]] - median(change)))
         if jump <= level.long_fault and _turns(change[2:-2]) < 0.5 * TURNS:  # no step, no flicker
@@ -300,11 +305,30 @@ def filled_gaps(log: Samples, name: str) -> Mask:
     return _beyond_chance(log, name, calm, stretches, CONTINUES)
 
 
+def _rarely_beside(
+    log: Samples, name: str, calm: Mask, stretches: Sequence[tuple[int, int]]
+) -> Iterator[tuple[int, int]]:
+    """Those of some calm stretches beside which so few samples are calm that `_beyond_chance` may
+    find them; a bound by the nearest samples, which are among those that it counts."""
+    x, motion, reach = log.channels[name], log.motion(), NEAR * log.level(name).span
+    beside = np.concatenate((np.arange(-BESIDE, 0), np.arange(BESIDE)))
+    for start in range(0, len(stretches), BLOCK // beside.size):
+        part = np.array(stretches[start : start + BLOCK // beside.size])
+        first, after = part[:, :1], part[:, 1:]
+        rows = np.clip(np.where(beside < 0, first, after) + beside, 0, x.size - 1)
+        same = (np.abs(x[rows] - x[first]) <= reach) & (
+            motion[rows] == motion[(first + after) // 2]
+        )
+        share = (np.count_nonzero(same & calm[rows], axis=1) + 1.0) / (beside.size + 2.0)
+        rare = CONTINUES * share < np.exp(CERTAIN / (after - first)[:, 0])
+        yield from map(tuple, part[rare].tolist())
+
+
 def _beyond_chance(
     log: Samples,
     name: str,
     still: Mask,
-    stretches: Iterable[tuple[int, int]],
+    stretches: Sequence[tuple[int, int]],
     factor: float,
 ) -> Mask:
     """Stretches that are still for longer than by chance, where a channel is noisy beside them.
@@ -313,7 +337,7 @@ def _beyond_chance(
     by the rule of succession of Laplace, times a factor; after a still sample it may be larger.
     """
     bad = np.zeros(still.size, dtype=bool)
-    if log.level(name).noise == 0.0:
+    if not stretches or log.level(name).noise == 0.0:
         return bad
     x, level, motion = log.channels[name], log.level(name), log.motion()
     usual = 2 * np.bincount(motion[still] + 1, minlength=3) > np.bincount(motion + 1, minlength=3)
@@ -336,7 +360,7 @@ def _beyond_chance(
         known = [still[rows] for rows in groups if rows.size >= BESIDE // 8]
         shares = [(np.count_nonzero(part) + 1.0) / (part.size + 2.0) for part in known]
         if (b - a) * math.log(min(factor * max(shares, default=1.0), 1.0)) < CERTAIN:
-            held = np.unique(x[both[still[both]]])
+            held = distinct(x[both[still[both]]])
             # The steps of a coarse channel, though a logger interpolates between them.
             coarse = factor == 1.0 and held.size >= SPIKE_LENGTH_MAX
             step = float(np.diff(held).min()) if coarse else level.step

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from winchcascade.core.integrate import (
+    BLOCK,
     ends_of,
     median,
     median_and_error,
-    running,
     smallest_step,
 )
 from winchcascade.core.rig_file import Thresholds
@@ -105,14 +105,16 @@ def speed_blocks(travel: Travel, rows: int) -> SpeedBlocks:
     is of both.
     """
     t, v, x, _ = travel
-    ends = np.arange(0, t.size, max(1, rows))
-    seconds, moved = np.diff(t[ends]), np.diff(x[ends])
-    travelled = np.diff(running(t, lambda part: np.nan_to_num(v[part]), ends))
-    holes = np.add.reduceat(v[: ends[-1]], ends[:-1]) + v[ends[1:]] if ends.size > 1 else moved
+    rows = max(1, rows)
+    ends = np.arange(0, t.size, rows)
+    seconds, moved, travelled = np.diff(t[ends]), np.diff(x[ends]), [np.empty(0)]
+    last, at_once = int(ends[-1]), max(1, BLOCK // rows) * rows
+    for start in range(0, last, at_once):
+        part = slice(start, min(start + at_once, last) + 1)
+        areas = (v[part][1:] + v[part][:-1]) * np.diff(t[part])
+        travelled.append(0.5 * np.add.reduceat(areas, np.arange(0, areas.size, rows)))
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        return SpeedBlocks(
-            seconds, np.where(np.isfinite(holes), travelled / seconds, np.nan), moved / seconds
-        )
+        return SpeedBlocks(seconds, np.concatenate(travelled) / seconds, moved / seconds)
 
 
 def mean_speeds(travel: Travel, limits: Thresholds) -> SpeedBlocks:

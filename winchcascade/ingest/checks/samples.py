@@ -12,12 +12,12 @@ import numpy as np
 
 from winchcascade.core.channels import Channel
 from winchcascade.core.integrate import (
-    BLOCK,
     ENOUGH,
-    median,
-    quantiles_in_place,
+    distinct,
+    positive_median,
     smallest_step,
     stretches_of,
+    usual_interval,
 )
 from winchcascade.core.quantity import find_unit
 from winchcascade.core.rig_file import Rig, Sensor
@@ -84,6 +84,8 @@ class Level(NamedTuple):
         """Whether values are no measurements; every machine may rest at zero."""
         low, high = min(self.low, 0.0), max(self.high, 0.0)
         reach = FAR * (high - low) if self.moves else np.inf
+        if x.min() >= low - reach and x.max() <= high + reach:  # not so with a hole
+            return np.zeros(x.shape, dtype=bool)
         return (x < low - reach) | (x > high + reach)
 
 
@@ -99,19 +101,29 @@ def level_of(x: Signal) -> Level:
     steps = np.diff(begin)
     # Medians of white noise are 0.954 and 1.652 standard deviations; a ramp shows in the one, a
     # ringing in the other.
-    noise = min(_usual(steps) / 0.954, _usual(np.diff(steps)) / 1.652)
-    low, high = quantiles_in_place(
-        np.unique(spread), [0.005, 0.995]
-    )  # each value once: a log may rest for hours
+    noise = min(
+        positive_median(np.abs(change)) / usual
+        for change, usual in ((steps, 0.954), (np.diff(steps), 1.652))
+    )
+    low, high = _ends(spread)
     step = smallest_step(begin)
     large = np.flatnonzero(np.abs(steps) > _level(low, high, noise, step).fault)
-    if large.size:
-        values, count = np.unique(begin[np.concatenate((large, large + 1))], return_counts=True)
-        codes = values[count >= max(3.0, 0.05 * large.size)]
+    beside = np.sort(begin[np.concatenate((large, large + 1))])
+    more = max(3, math.ceil(0.05 * large.size)) - 1
+    codes = distinct(beside[more:][beside[more:] == beside[:-more]])  # equal ones follow each other
+    if codes.size:
         others = spread[~np.isin(spread, codes)]
         if others.size > 0.05 * spread.size:
-            low, high = quantiles_in_place(np.unique(others), [0.005, 0.995])
+            low, high = _ends(others)
     return _level(low, high, noise, step)
+
+
+def _ends(x: Signal) -> tuple[float, float]:
+    """Ends of the range of a signal, each value once: a log may rest for hours."""
+    values = distinct(x)
+    places = np.array([0.005, 0.995]) * (values.size - 1)
+    low, high = np.interp(places, np.arange(values.size), values).tolist()
+    return low, high
 
 
 def _level(low: float, high: float, noise: float, step: float) -> Level:
@@ -120,12 +132,6 @@ def _level(low: float, high: float, noise: float, step: float) -> Level:
     fault = max(OF_RANGE * span, OF_NOISE * noise, 2.5 * step)
     long_fault, moves = max(LONGER * OF_RANGE * span, fault), span > 2.0 * OF_NOISE * noise
     return Level(low, high, noise, step, span, max(abs(low), abs(high)), fault, long_fault, moves)
-
-
-def _usual(change: Signal) -> float:
-    """Median size of the changes that are not 0; 0 where there is none."""
-    change = np.abs(change[change != 0])
-    return median(change) if change.size else 0.0
 
 
 class Samples(msgspec.Struct):
@@ -171,7 +177,7 @@ class Samples(msgspec.Struct):
     def interval(self) -> float:
         """Usual interval between samples. [s]"""
         if not self.usual_interval:
-            self.usual_interval = median(np.diff(self.t[:BLOCK]))
+            self.usual_interval = usual_interval(self.t)
         return self.usual_interval
 
     def rows(self, seconds: float) -> int:

@@ -5,6 +5,7 @@ repeated rows.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
@@ -180,6 +181,13 @@ def _delivers(log: Samples, stage: tuple[str, ...]) -> bool:
     return abs(float(watts.mean())) > CLEAR * error if watts.size else False
 
 
+def row_keys(channels: Iterable[Signal]) -> Signal:
+    """A number for each row of some channels, (n,), which rows have in common that are equal, and
+    others but for chance.
+    """
+    return np.asarray(sum(math.cos(k) * x for k, x in enumerate(channels, 1)))
+
+
 def repeated_rows(log: Samples) -> None:
     """Report stretches of rows that equal earlier ones in all channels; they are kept, as the log
     does not show which count.
@@ -190,10 +198,7 @@ def repeated_rows(log: Samples) -> None:
     channels, n = [*log.channels.values()], log.t.size
     if n > MAX_ROWS or not any(is_noisy(np.diff(x[:ENOUGH])) for x in channels):
         return
-    weights = np.random.default_rng(0).uniform(1.0, 2.0, len(channels))
-    key = sum(
-        w * x for w, x in zip(weights, channels, strict=True)
-    )  # equal rows have equal sums, others almost never
+    key = row_keys(channels)
     order = np.argsort(key, kind="stable")
     same = np.flatnonzero(key[order[1:]] == key[order[:-1]])
     later = np.zeros(n, dtype=np.intp)  # by how many rows the earlier one of a pair lies before

@@ -11,9 +11,16 @@ from itertools import pairwise
 import numpy as np
 
 from winchcascade.core.accuracy import CERTAIN
-from winchcascade.core.integrate import ENOUGH, GAUSS, median, smallest_step, white_noise
-from winchcascade.core.run import Signal
-from winchcascade.reduction.checks.phased_log import MIN_COMPARED, Fault, PhasedLog
+from winchcascade.core.integrate import (
+    ENOUGH,
+    GAUSS,
+    distinct,
+    median,
+    medians_of_others,
+)
+from winchcascade.core.plain_text import numbers_text
+from winchcascade.ingest.checks.sensors import is_noisy, row_keys
+from winchcascade.reduction.checks.phased_log import Fault, PhasedLog
 from winchcascade.reduction.efficiency import SMALLEST, ratio
 from winchcascade.reduction.phased_run import travel_in
 
@@ -122,37 +129,27 @@ def copied_cycles(log: PhasedLog) -> Iterator[Fault]:
     channels = {name: x for name, x in log.run.channels.items() if name != "displacement"}
     if len(log.complete) < 2 or any(f.kind == "repeated_rows" for f in log.run.findings):
         return
-    # Rows that differ have other sums, but for chance.
-    weights = np.random.default_rng(0).uniform(1.0, 2.0, len(channels))
-    seen: list[Signal] = []
+    if not any(is_noisy(np.diff(x[:ENOUGH])) for x in channels.values()):
+        return
+    windows = [(c.window.onset, c.window.cutoff) for c in log.complete]
+    rows = [log.phased.rows(*window) for window in windows]
+    keys = [row_keys(x[part] for x in channels.values()) for part in rows]
+    of_cycle = np.repeat(np.arange(len(keys)), [part.size for part in keys])
+    order = np.argsort(every := np.concatenate(keys), kind="stable")
+    begins = np.flatnonzero(np.diff(every[order], prepend=np.nan))
+    first = np.empty_like(of_cycle)  # of the cycles that hold an equal row
+    first[order] = np.repeat(of_cycle[order[begins]], np.diff(begins, append=every.size))
     copies = []
-    for cycle in log.complete:
-        rows = log.phased.rows(cycle.window.onset, cycle.window.cutoff)
-        parts = np.array([x[rows] for x in channels.values()])
-        sums = weights @ parts
-        if any(np.count_nonzero(np.isin(sums, other)) > 0.5 * sums.size for other in seen) and any(
-            map(has_noise, parts)
-        ):
-            copies.append(cycle)
-        seen.append(sums)
+    for k, seen_in in enumerate(np.split(first, np.cumsum([part.size for part in keys[:-1]]))):
+        # A cycle that holds more than half of the samples is in the middle of their order.
+        original = int(np.sort(seen_in)[seen_in.size // 2]) if seen_in.size else k
+        equal = np.count_nonzero(seen_in == original)
+        if original < k and 2 * equal > seen_in.size:
+            copies.append(k)
     if copies:
-        spans, numbers = (
-            [(c.window.onset, c.window.cutoff) for c in copies],
-            ", ".join(str(c.cycle) for c in copies),
-        )
-        yield Fault("copied", None, spans, {"cycles": numbers, "all": len(log.complete)})
-
-
-def has_noise(x: Signal) -> bool:
-    """Whether a channel has noise beyond its resolution, which reverses most differences of the
-    fourth order.
-    """
-    change = np.diff(x, 4)
-    return (
-        x.size > MIN_COMPARED
-        and white_noise(x) > smallest_step(x)
-        and bool(np.mean(change[1:] * change[:-1] < 0.0) > 0.5)
-    )
+        numbers = numbers_text(log.complete[k].cycle for k in copies)
+        values = {"cycles": numbers, "all": len(windows)}
+        yield Fault("copied", None, [windows[k] for k in copies], values)
 
 
 def uneven_strokes(log: PhasedLog) -> Iterator[Fault]:
@@ -183,10 +180,10 @@ def uneven_strokes(log: PhasedLog) -> Iterator[Fault]:
             float(v.sum()) / max(float(np.maximum.accumulate(v).sum()), SMALLEST) for v in speeds
         ]
         fault, x = "stopped", np.array(kept)
-    usual = np.array([median(np.delete(x, k)) for k in range(x.size)])
-    scatter = np.array(
-        [GAUSS * median(np.abs(np.delete(x, k) - middle)) for k, middle in enumerate(usual)]
-    )
+    usual, scatter = medians_of_others(x), np.empty(x.size)
+    for middle in distinct(usual):
+        same = usual == middle
+        scatter[same] = GAUSS * medians_of_others(np.abs(x - middle))[same]
     odd = np.flatnonzero(np.abs(x - usual) > CERTAIN * np.maximum(scatter, repeats * usual))
     if odd.size:
         worst = odd[np.argmax(np.abs(x - usual)[odd])]

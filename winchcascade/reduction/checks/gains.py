@@ -73,7 +73,9 @@ def smoothing(log: PhasedLog) -> float | None:
     short = SHORT_BLOCK * limits.smoothing
     rows = max(1, round(short / travel.interval))
     h = rows * travel.interval
-    seconds, v, by_displacement = (x[:ENOUGH] for x in speed_blocks(travel, rows))
+    some = slice(rows * ENOUGH + 1)
+    first = travel._replace(t=travel.t[some], v=travel.v[some], x=travel.x[some])
+    seconds, v, by_displacement = speed_blocks(first, rows)
     off = (v - by_displacement)[1:-1]
     rise, bend = 0.5 * (v[2:] - v[:-2]) / h, (v[2:] - 2.0 * v[1:-1] + v[:-2]) / h**2
     terms = np.column_stack((np.ones(off.size), v[1:-1], rise, bend))

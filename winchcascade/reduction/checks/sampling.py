@@ -18,7 +18,7 @@ from collections.abc import Iterator, Mapping
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import integrals, median, quantile, white_noise
+from winchcascade.core.integrate import ENOUGH, distinct, integrals, median, quantile, white_noise
 from winchcascade.core.run import Signal
 from winchcascade.reduction.checks.phased_log import MIN_COMPARED, REPORTED, Fault, PhasedLog
 from winchcascade.reduction.efficiency import SMALLEST
@@ -212,9 +212,10 @@ def recorded_step(x: Signal, least: float) -> float:
     resolution. A channel that holds two values, as a friction or a brake does, or changes a few
     times, has none.
     """
+    x = x[:ENOUGH]
     changes = np.abs(np.diff(x))
     changes = changes[changes > 0.0]
     if changes.size < MIN_COMPARED // 2 or (step := quantile(changes, 0.05)) < least:
         return 0.0
-    coarse = 2 < np.unique(x).size <= 0.5 * x.size and white_noise(x) <= DITHERED * step
+    coarse = 2 < distinct(x).size <= 0.5 * x.size and white_noise(x) <= DITHERED * step
     return step if coarse else 0.0
