@@ -134,7 +134,7 @@ def history_figure(history: History) -> Figure:
     entries = [*named.values(), *mark_entries(history.marks), *repaired]
     if entries:
         legend_above(figure, entries)
-    figure.align_ylabels(axes)
+    figure.get_layout_engine().set(aligned=True)
     return figure
 
 
