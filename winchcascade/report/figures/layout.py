@@ -51,21 +51,23 @@ class PanelLayout(LayoutEngine):  # type: ignore[misc]  # Matplotlib's own class
         legend = sum(one.get_tightbbox(renderer).height + 2.0 * PAD for one in fig.legends)
         ticks: dict[Axes, list[list[float]]] = {}
         margins: dict[Axes, Signal] = {}
+        labels: dict[Axes, float] = {}
         for _ in range(ROUNDS):
             for axes in fig.axes:
                 present = _ticks(axes)
                 if ticks.get(axes) != present:
                     ticks[axes], margins[axes] = present, _margins(axes, renderer)
+                    labels[axes] = axes.bbox.x0 - axes.yaxis.label.get_position()[0]
             _place(fig, margins, legend)
         if self._aligned:
-            _align(fig.axes)
+            _align(labels)
         fig.dpi = dots
 
 
 def _ticks(axes: Axes) -> list[list[float]]:
     """Places of the ticks of a panel and of the axes that belong to it."""
     every = [axis for one in (axes, *axes.child_axes) for axis in (one.xaxis, one.yaxis)]
-    return [axis.get_majorticklocs().tolist() for axis in every]
+    return [list(axis.get_majorticklocs()) for axis in every]
 
 
 def _margins(axes: Axes, renderer: RendererSVG) -> Signal:
@@ -110,11 +112,12 @@ def _place(fig: Figure, margins: dict[Axes, Signal], legend: float) -> None:
         axes.set_in_layout(True)  # which `set_position` ends
 
 
-def _align(panels: list[Axes]) -> None:
-    """Set vertical labels as far to the left as that of the panel with the longest numbers."""
-    far = max(axes.bbox.x0 - axes.yaxis.label.get_position()[0] for axes in panels)
-    for axes in panels:
-        axes.yaxis.set_label_coords(-far / axes.bbox.width, 0.5)
+def _align(labels: dict[Axes, float]) -> None:
+    """Set every vertical label as far from its panel as the one beyond the longest numbers.
+    [points]
+    """
+    for axes in labels:
+        axes.yaxis.set_label_coords(-max(labels.values()) / axes.bbox.width, 0.5)
 
 
 def _spread(margins: Signal, ratios: list[float], room: float) -> tuple[Signal, Signal]:
