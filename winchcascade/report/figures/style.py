@@ -209,7 +209,7 @@ def wide_figure(height: float) -> Figure:
     """An empty figure of some height [in], laid out when it is drawn."""
     from matplotlib.figure import Figure
 
-    from winchcascade.report.figures.layout import PanelLayout
+    from winchcascade.report.figures.panel_layout import PanelLayout
 
     return Figure((WIDTH, height), layout=PanelLayout())
 
