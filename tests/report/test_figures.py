@@ -1,5 +1,6 @@
 """Figures draw what was reduced, with names or units on their axes and no text over another."""
 
+import io
 from pathlib import Path
 from typing import Literal
 
@@ -196,6 +197,23 @@ def test_panels_stand_where_constrained_layout_puts_them(
         size = 72.0 * figure.get_size_inches()
         places.append([ax.get_position().get_points() * size for ax in axes])
     assert np.array(places[0]) == pytest.approx(np.array(places[1]), abs=PLACED)
+
+
+def test_labels_of_histories_stand_below_each_other_however_often_they_are_drawn(
+    clean: Result,
+) -> None:
+    with house_style():
+        figure = time_histories(clean[0])
+    found = []
+    for _ in range(2):
+        with house_style():
+            figure.savefig(io.BytesIO())
+        labels = [ax.yaxis.label for ax in figure.axes]
+        found.append([one.get_transform().transform(one.get_position())[0] for one in labels])
+    assert max(found[0]) - min(found[0]) < 0.01
+    assert found[1] == pytest.approx(found[0], abs=0.01)
+    numbers = [text.get_window_extent().x0 for ax in figure.axes for text in ax.get_yticklabels()]
+    assert max(found[0]) < min(numbers)
 
 
 def test_the_house_style_leaves_no_trace_in_the_users_settings() -> None:

@@ -29,12 +29,14 @@ class MonotoneCubic(NamedTuple):
     def __call__(self, at: Signal | Sequence[float] | float) -> Signal:
         """Values at some places; a last axis holds those of several curves."""
         distance, (constant, linear, square, cube) = self._intervals(at)
-        return constant + distance * (linear + distance * (square + distance * cube))
+        values: Signal = constant + distance * (linear + distance * (square + distance * cube))
+        return values
 
     def slope(self, at: Signal | Sequence[float] | float) -> Signal:
         """Slopes at some places."""
         distance, (_, linear, square, cube) = self._intervals(at)
-        return linear + distance * (2.0 * square + distance * 3.0 * cube)
+        slopes: Signal = linear + distance * (2.0 * square + distance * 3.0 * cube)
+        return slopes
 
     def _intervals(self, at: Signal | Sequence[float] | float) -> tuple[Signal, Signal]:
         """Distance of each place from the knot before it, and the coefficients there."""

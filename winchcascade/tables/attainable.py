@@ -496,7 +496,10 @@ def _ability(problem: TableProblem, name: str, k: int, before: float) -> Ability
     if curve is not None and not more:
         x = np.unique(
             np.concatenate(
-                [np.linspace(curve.x[0], curve.x[-1], 1601), [field.low, field.high, field.absent]]
+                [
+                    np.linspace(curve.knots[0], curve.knots[-1], 1601),
+                    [field.low, field.high, field.absent],
+                ]
             )
         )
         eta = problem.nominal * np.exp(curve(x))

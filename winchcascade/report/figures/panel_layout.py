@@ -16,6 +16,8 @@ from matplotlib.layout_engine import LayoutEngine
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.gridspec import SubplotSpec
+    from numpy.typing import ArrayLike
 
     from winchcascade.core.run import Signal
 
@@ -31,36 +33,44 @@ ROUNDS = 2
 """How often panels are placed: with the room, the ticks and so the labels of an axis may change."""
 
 
-class PanelLayout(LayoutEngine):  # type: ignore[misc]  # Matplotlib's own class has no types
+class PanelLayout(LayoutEngine):
     """Lays out a plain grid of panels with a legend above it: panels as wide, and as tall, as the
     ratios of their grid demand.
+
+    Parameters
+    ----------
+    aligned : whether the vertical labels of the panels, in one column, stand below each other
     """
 
     _adjust_compatible = False
     _colorbar_gridspec = False
-    _aligned = False
 
-    def set(self, *, aligned: bool) -> None:
-        """Set whether the vertical labels of all panels, in one column, stand below each other."""
+    def __init__(self, *, aligned: bool = False) -> None:
+        super().__init__()
         self._aligned = aligned
+        self._labels: dict[Axes, float] = {}
 
     def execute(self, fig: Figure) -> None:
         """Place the panels of a figure; those that have no room for their labels stay."""
         dots, fig.dpi = fig.dpi, POINTS
-        renderer = RendererSVG(*fig.bbox.size, io.StringIO())
-        legend = sum(one.get_tightbbox(renderer).height + 2.0 * PAD for one in fig.legends)
+        renderer = RendererSVG(*fig.bbox.size, io.StringIO())  # type: ignore[no-untyped-call]
+        legend = sum(
+            (one.get_window_extent(renderer).height + 2.0 * PAD for one in fig.legends), 0.0
+        )
         ticks: dict[Axes, list[list[float]]] = {}
         margins: dict[Axes, Signal] = {}
-        labels: dict[Axes, float] = {}
+        labels = self._labels.copy()
         for _ in range(ROUNDS):
             for axes in fig.axes:
                 present = _ticks(axes)
                 if ticks.get(axes) != present:
                     ticks[axes], margins[axes] = present, _margins(axes, renderer)
-                    labels[axes] = axes.bbox.x0 - axes.yaxis.label.get_position()[0]
+                    if axes not in self._labels:  # whose label has not been moved yet
+                        labels[axes] = axes.bbox.x0 - axes.yaxis.label.get_position()[0]
             _place(fig, margins, legend)
         if self._aligned:
             _align(labels)
+            self._labels = labels
         fig.dpi = dots
 
 
@@ -91,11 +101,11 @@ def _place(fig: Figure, margins: dict[Axes, Signal], legend: float) -> None:
     """Place panels by the largest margins of each row and column, below a legend of some height.
     [points]
     """
-    grid = fig.axes[0].get_gridspec()
+    grid = _cell(fig.axes[0]).get_gridspec()
     rows, columns = grid.get_geometry()
     across, down = np.zeros((columns, 2)), np.zeros((rows, 2))
     for axes, margin in margins.items():
-        place = axes.get_subplotspec()
+        place = _cell(axes)
         across[place.colspan.start] = np.maximum(across[place.colspan.start], margin[:2])
         down[place.rowspan.start] = np.maximum(down[place.rowspan.start], margin[2:])
     width, height = fig.bbox.size
@@ -104,7 +114,7 @@ def _place(fig: Figure, margins: dict[Axes, Signal], legend: float) -> None:
     if min(*widths, *heights) <= 0.0:
         return
     for axes in margins:
-        column, row = axes.get_subplotspec().colspan.start, axes.get_subplotspec().rowspan.start
+        column, row = _cell(axes).colspan.start, _cell(axes).rowspan.start
         bottom = height - legend - tops[row] - heights[row]
         axes.set_position(
             (lefts[column] / width, bottom / height, widths[column] / width, heights[row] / height)
@@ -120,8 +130,15 @@ def _align(labels: dict[Axes, float]) -> None:
         axes.yaxis.set_label_coords(-max(labels.values()) / axes.bbox.width, 0.5)
 
 
-def _spread(margins: Signal, ratios: list[float], room: float) -> tuple[Signal, Signal]:
+def _cell(axes: Axes) -> SubplotSpec:
+    """Row and column of a panel in its grid."""
+    cell = axes.get_subplotspec()
+    assert cell is not None  # figures add their panels in a grid alone
+    return cell
+
+
+def _spread(margins: Signal, ratios: ArrayLike, room: float) -> tuple[Signal, Signal]:
     """Beginnings and lengths of panels side by side, with a margin before and behind each, (n, 2)."""
-    sizes = (room - margins.sum()) * np.array(ratios) / sum(ratios)
+    sizes = (room - margins.sum()) * np.array(ratios) / np.sum(ratios)
     beginnings = np.cumsum(margins[:, 0]) + np.r_[0.0, np.cumsum(margins[:, 1] + sizes)[:-1]]
     return beginnings, sizes
