@@ -29,13 +29,15 @@ class MonotoneCubic(NamedTuple):
     def __call__(self, at: Signal | Sequence[float] | float) -> Signal:
         """Values at some places; a last axis holds those of several curves."""
         distance, (constant, linear, square, cube) = self._intervals(at)
-        values: Signal = constant + distance * (linear + distance * (square + distance * cube))
+        values: Signal = (
+            constant + linear * distance + square * distance**2 + cube * (distance**2 * distance)
+        )
         return values
 
     def slope(self, at: Signal | Sequence[float] | float) -> Signal:
         """Slopes at some places."""
         distance, (_, linear, square, cube) = self._intervals(at)
-        slopes: Signal = linear + distance * (2.0 * square + distance * 3.0 * cube)
+        slopes: Signal = linear + square * distance * 2.0 + cube * distance**2 * 3.0
         return slopes
 
     def _intervals(self, at: Signal | Sequence[float] | float) -> tuple[Signal, Signal]:
@@ -89,8 +91,8 @@ def _inner_slopes(width: Signal, secant: Signal) -> Signal:
     rising = np.sign(secant[:-1]) * np.sign(secant[1:]) > 0.0
     before, after = (np.where(rising, side, 1.0) for side in (secant[:-1], secant[1:]))
     first, second = width[:-1] + 2.0 * width[1:], 2.0 * width[:-1] + width[1:]
-    mean = (first + second) / (first / before + second / after)
-    return np.where(rising, mean, 0.0)
+    inverse = (first / before + second / after) / (first + second)
+    return np.where(rising, 1.0 / inverse, 0.0)
 
 
 def _end_slope(width: Signal, secant: Signal) -> Signal:
