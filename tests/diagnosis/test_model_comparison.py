@@ -22,7 +22,7 @@ from winchcascade.diagnosis.explain.model_comparison import (
     Account,
     SimulatedLog,
     modelled,
-    sample_table,
+    samples_of,
     simulated_log,
 )
 from winchcascade.reduction.bins import stored_powers
@@ -77,7 +77,7 @@ def test_a_rig_a_motion_and_cycles_that_cannot_be_simulated_have_a_reason() -> N
 
 # ------------------------------------------------------------------------------- what is compared
 def test_payouts_end_with_braking_where_the_clutch_is_to_drive_the_generator() -> None:
-    found, samples, t = comparison(), sample_table(comparison()), comparison().run.t
+    found, samples, t = comparison(), samples_of(comparison()), comparison().run.t
     for c in found.cycles:
         inside, flat = (t >= c.phases.onset) & (t <= c.phases.payout_end), c.summary.payout.plateau
         assert flat is not None
@@ -89,10 +89,10 @@ def test_payouts_end_with_braking_where_the_clutch_is_to_drive_the_generator() -
 
 @pytest.mark.parametrize("channel", [CLOCK, "pressure"])
 def test_bridged_samples_of_any_channel_are_not_compared(channel: str) -> None:
-    whole, c = sample_table(comparison()), comparison().cycles[1]
+    whole, c = samples_of(comparison()), comparison().cycles[1]
     gap = np.array([[c.phases.onset + 3.0, c.phases.onset + 4.0]])
     found = compared(changed(gaps={channel: gap}))
-    inside, samples = (found.run.t >= gap[0, 0]) & (found.run.t <= gap[0, 1]), sample_table(found)
+    inside, samples = (found.run.t >= gap[0, 0]) & (found.run.t <= gap[0, 1]), samples_of(found)
     assert not (samples.payout | samples.driven)[inside].any()
     assert (samples.payout == whole.payout)[~inside].all()
 
@@ -127,7 +127,9 @@ def test_curves_are_means_of_the_samples_of_a_bin_or_ratios_of_these(side: int) 
     stored = {name: of(slice(0, run.t.size)) for name, of in stored_powers(run, built_in()).items()}
     taken = x["torque"] * v / 0.13 - stored["rotor"] - stored["spring"]
     power = x["vdc"] * x["idc"]
-    out, back = (np.flatnonzero(sample_table(c)[name]).tolist() for name in ("payout", "haul_in"))
+    out, back = (
+        np.flatnonzero(getattr(samples_of(c), name)).tolist() for name in ("payout", "haul_in")
+    )
     rows, rpm = before_braking(c), v / 0.13 * 50.0 * 30.0 / math.pi
     mech, gen, vdc, idc = (
         binned_over(rows, rpm, y, 100.0)
@@ -161,7 +163,7 @@ def test_differences_are_log_minus_simulation_and_an_open_circuit_has_none_that_
     assert set(found.differences) == {"vdc", "pressure", "force"}
     assert found.budget is not None
     assert set(found.budget.log) == {"line"}
-    c, payout = comparison(), sample_table(comparison()).payout.to_numpy()
+    c, payout = comparison(), samples_of(comparison()).payout
     for name, one in account().differences.items():
         unit = KGCM2 if name == "pressure" else 1.0
         apart = (c.run.channels[name] - c.simulation.run.channels[name])[payout] / unit

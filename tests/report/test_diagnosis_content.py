@@ -11,10 +11,10 @@ from diagnosed import SUSPECTS, diagnosed
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.report.content import Cell, Measured, Note, Picture, Report, Span, Table
-from winchcascade.report.diagnosis_names import called
 from winchcascade.report.glossary import CHANNELS
 from winchcascade.report.results.diagnosis import diagnosis_report
 from winchcascade.report.results.diagnosis_record import as_json
+from winchcascade.report.results.effects import called
 from winchcascade.rig.effects.catalogue import EFFECTS
 
 

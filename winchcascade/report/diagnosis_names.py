@@ -5,7 +5,7 @@ logs; as plain texts.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import msgspec
 
@@ -24,9 +24,10 @@ from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.report.content import Measured, Span, number_text, shown
 from winchcascade.report.glossary import CHANNELS, PHASES, STAGE_PLACES
+from winchcascade.report.results.effects import call_all
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.catalogue import EFFECTS
-from winchcascade.rig.effects.effect import Display, Effect
+from winchcascade.rig.effects.effect import Display
 
 UNDETERMINED = "not determined by these logs"
 """In place of the interval of a number of which the logs tell little."""
@@ -36,31 +37,6 @@ INTERVAL_WIDTH = 2.0 * COVERED
 
 NAMES = {name: term.label for name, term in CHANNELS.items()}
 """Channels of a diagnosis."""
-
-
-# ------------------------------------------------------------------------------- names of effects
-def called(name: str, suspects: Mapping[str, Effect] = EFFECTS) -> str:
-    """An effect as every text calls it: its label, and its identifier in brackets, which a page
-    sets small.
-
-    Parameters
-    ----------
-    suspects : those of the diagnosis, which may be more than the effects of the catalogue
-
-    Examples
-    --------
-    >>> called("copper_heating"), called("load_entry(r9ohm.csv)"), called("unknown")
-    ('Stator resistance (copper_heating)', 'Load of a run (load_entry(r9ohm.csv))', 'unknown')
-    """
-    effect = suspects.get(name) or EFFECTS.get(effect_name(name))
-    return name if effect is None else f"{effect.label} ({name})"
-
-
-def call_all(
-    names: Iterable[str], suspects: Mapping[str, Effect] = EFFECTS, between: str = ", "
-) -> str:
-    """Several effects as texts call them."""
-    return between.join(called(name, suspects) for name in names)
 
 
 # ----------------------------------------------------------------------------- numbers of effects

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -24,9 +24,6 @@ from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.rig.baseline import NoModel, model_of
 from winchcascade.rig.ledger import LEDGER
 from winchcascade.rig.simulate import Simulation, simulate
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 LONGEST = 20.0
 """Longest part of a log that is simulated, over the time of a stroke: as many of its first
@@ -147,12 +144,29 @@ class SimulatedLog(NamedTuple):
     simulation: Simulation
 
 
+class Samples(NamedTuple):
+    """What the curves of a log are over, (n,) each in SI units and rpm, and which samples count;
+    bridged ones do not.
+
+    `payout` and `haul_in` are those of the cycles, `driven` those of a payout before braking while
+    the clutch drives the generator, `moving` both of the latter.
+    """
+
+    velocity: Signal
+    displacement: Signal
+    rpm: Signal
+    payout: Mask
+    driven: Mask
+    haul_in: Mask
+    moving: Mask
+
+
 def modelled(reduction: Reduction) -> Account:
     """Compare a log with the model that its rig file gives."""
     found, word = simulated_log(reduction), reduction.run.origin.word
     if isinstance(found, str):
         return Account(why=found, word=word)
-    rig, samples = reduction.rig, sample_table(found)
+    rig, samples = reduction.rig, samples_of(found)
     rated, gear = rig.generator.speed_rated, rig.drivetrain.gear_ratio
     return Account(
         word=word,
@@ -163,7 +177,7 @@ def modelled(reduction: Reduction) -> Account:
         rated=None if rated is None else rated.value * 30.0 / math.pi,
         gear=None if gear is None else gear.value,
         curves=_curves(found, samples),
-        differences=_differences(found, samples.payout.to_numpy()),
+        differences=_differences(found, samples.payout),
         budget=_budget(found),
     )
 
@@ -204,15 +218,8 @@ def _end(cycle: CycleResult) -> float:
     return max(last[1], cycle.window.cutoff)
 
 
-def sample_table(found: SimulatedLog) -> pd.DataFrame:
-    """Samples of a log: what curves are over, SI units and rpm, and which samples count; bridged
-    ones do not.
-
-    `payout` and `haul_in` are those of the cycles, `driven` those of a payout before braking while
-    the clutch drives the generator, `moving` both of the latter.
-    """
-    import pandas as pd
-
+def samples_of(found: SimulatedLog) -> Samples:
+    """Find what the curves of a log are over, and which of its samples count."""
     run, phases = found.run, [c.phases for c in found.cycles]
     plateaus = [c.summary.payout.plateau for c in found.cycles]
     braking = [
@@ -223,17 +230,14 @@ def sample_table(found: SimulatedLog) -> pd.DataFrame:
     driven = engaged(run, phases, plateaus, found.rig) & whole
     driven &= within(run.t, [(p.onset, end) for p, end in zip(phases, braking, strict=True)])
     haul_in = within(run.t, [p.haul_in for p in phases if p.haul_in is not None]) & whole
-    unknown = np.full(run.t.size, math.nan)
-    return pd.DataFrame(
-        {
-            "velocity": run.channels["velocity"],
-            "displacement": run.channels.get("displacement", unknown),
-            "rpm": run.channels["velocity"] * (found.rig.rpm_per_velocity or math.nan),
-            "payout": within(run.t, [(p.onset, p.payout_end) for p in phases]) & whole,
-            "driven": driven,
-            "haul_in": haul_in,
-            "moving": driven | haul_in,
-        }
+    return Samples(
+        velocity=run.channels["velocity"],
+        displacement=run.channels.get("displacement", np.full(run.t.size, math.nan)),
+        rpm=run.channels["velocity"] * (found.rig.rpm_per_velocity or math.nan),
+        payout=within(run.t, [(p.onset, p.payout_end) for p in phases]) & whole,
+        driven=driven,
+        haul_in=haul_in,
+        moving=driven | haul_in,
     )
 
 
@@ -286,30 +290,27 @@ def quantities(found: SimulatedLog, run: Run) -> dict[str, Signal]:
     return columns
 
 
-def _curves(found: SimulatedLog, samples: pd.DataFrame) -> dict[str, ComparedCurve]:
+def _curves(found: SimulatedLog, samples: Samples) -> dict[str, ComparedCurve]:
     """Curves of Figs 13 to 17 that a log has the channels for; in open circuit those that mean
     something there.
 
     Each is of means in bins of what it is over; bins of few samples are left out.
     """
-    import pandas as pd
-
-    log, simulated = (
-        pd.DataFrame(quantities(found, run)) for run in (found.run, found.simulation.run)
-    )
+    log, simulated = (quantities(found, run) for run in (found.run, found.simulation.run))
     minimum, curves = min(MIN_BIN_SAMPLES, len(found.cycles)), {}
     for name in (name for name in CURVES if not (found.run.open_circuit and name in LOADED)):
-        over, here = CURVES[name]
-        columns, rows = RATIOS.get(name, (name,)), samples[here] & samples[over].notna()
-        if not rows.any() or not {*columns} <= {*log.columns}:
+        over, here = (getattr(samples, field) for field in CURVES[name])
+        columns, rows = RATIOS.get(name, (name,)), here & ~np.isnan(over)
+        if not rows.any() or not {*columns} <= log.keys():
             continue
-        x = samples[over][rows]
-        least = bin_width(found.rig, float(x.max())) if over == "rpm" else 1e-9
-        width = max(least, float(np.ptp(x)) / BINS)
-        bins = pd.concat(
-            [x, *(side.loc[rows, list(columns)] for side in (log, simulated))], axis=1
-        ).groupby(np.floor(x / width))
-        means = bins.mean()[bins.size() >= minimum].to_numpy().T
+        x = over[rows]
+        least = bin_width(found.rig, float(x.max())) if CURVES[name][0] == "rpm" else 1e-9
+        place = np.floor(x / max(least, float(np.ptp(x)) / BINS)).astype(np.intp)
+        place -= place.min()
+        count = np.bincount(place)
+        sides = [side[column][rows] for side in (log, simulated) for column in columns]
+        sums = np.array([np.bincount(place, values) for values in (x, *sides)])
+        means = sums[:, count >= minimum] / count[count >= minimum]
         curve = (
             means
             if len(columns) == 1

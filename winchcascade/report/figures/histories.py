@@ -121,6 +121,8 @@ class History(NamedTuple):
 # -------------------------------------------------------------------------------- figure and page
 def history_figure(history: History) -> Figure:
     """Draw the panels of a history, with one legend above them."""
+    from winchcascade.report.figures.panel_layout import PanelLayout
+
     panels = history.panels
     figure, axes = panel_figure(0.6 + 0.95 * len(panels), len(panels), share="x")
     draw_history(axes, history)
@@ -134,7 +136,7 @@ def history_figure(history: History) -> Figure:
     entries = [*named.values(), *mark_entries(history.marks), *repaired]
     if entries:
         legend_above(figure, entries)
-    figure.align_ylabels(axes)
+    figure.set_layout_engine(PanelLayout(aligned=True))
     return figure
 
 
@@ -202,7 +204,7 @@ def history_json(history: History) -> str:
                 {
                     "label": ", ".join(filter(None, (panel.title if k == 0 else "", curve.name))),
                     "colour": curve.colour,
-                    "values": plain(curve.values),
+                    "values": _listed(curve.values),
                     **({} if curve.dashes == "-" else {"dash": [6, 3]}),
                 }
                 for k, curve in enumerate(panel.curves)
@@ -212,16 +214,18 @@ def history_json(history: History) -> str:
         for panel in history.panels
     ]
     spans = [_placed(*span, mark.colour) for mark in history.marks for span in mark.spans]
-    return msgspec.json.encode({"t": plain(history.t), "rows": rows, "spans": spans}).decode()
+    return msgspec.json.encode({"t": _listed(history.t), "rows": rows, "spans": spans}).decode()
 
 
 def _placed(begin: float, end: float, colour: str) -> dict[str, float | str]:
     return {"from": begin, "to": end, "colour": colour}
 
 
-def plain(x: Signal) -> list[float | None]:
-    """Numbers with six digits, none where the log has none."""
-    return [float(f"{value:.6g}") if np.isfinite(value) else None for value in x.tolist()]
+def _listed(x: Signal) -> msgspec.Raw:
+    """JSON of numbers with six digits, null where the log has none."""
+    known = np.where(np.isfinite(x), x, np.nan)
+    texts = ",".join(["%.6g"] * x.size) % tuple(known.tolist())
+    return msgspec.Raw(f"[{texts.replace('nan', 'null')}]".encode())
 
 
 def thinned(
@@ -255,41 +259,34 @@ def log_history(reduction: Reduction) -> History:
     """Every channel and the powers over the whole log, with phases and windows (the paper's Fig.
     5).
     """
-    run, zero = reduction.run, clock_zero(reduction.run)
-    powers = powers_of(reduction)
-    channels = [
-        row for row in channels_drawn(run, reduction.rig) if row[0] != "power_mech"
-    ]  # a power of a stage
-    signals = [run.channels[name] * factor for name, *_, factor in channels]
-    t, curves = thinned(run.t - zero, [*signals, *powers.values()])
-    panels = [
-        Panel(title, unit, [Curve("", curve)], repaired_spans(run, (name,), zero))
-        for (name, title, unit, _), curve in zip(channels, curves, strict=False)
-    ]
+    run, zero, powers = reduction.run, clock_zero(reduction.run), powers_of(reduction)
+    others = run.channels.keys() - {"power_mech"}  # a power of a stage
+    panels = _channel_panels(run, reduction.rig, others)
+    t, watts = thinned(run.t - zero, [*powers.values()])
     if powers:
-        drawn = [
-            power_curve(stage, curve)
-            for stage, curve in zip(powers, curves[len(channels) :], strict=True)
-        ]
-        panels.append(
-            Panel("Power", "W", drawn, repaired_spans(run, power_sources(reduction, powers), zero))
-        )
+        drawn = [power_curve(stage, curve) for stage, curve in zip(powers, watts, strict=True)]
+        repaired = repaired_spans(run, power_sources(reduction, powers), zero)
+        panels.append(Panel("Power", "W", drawn, repaired))
     shaded = reduction.cycles if len(reduction.cycles) <= SHADED_CYCLES else ()
     return History(t, time_label(run), panels, phase_marks(reduction, shaded, zero))
 
 
 def run_history(run: Run, names: Collection[str]) -> History:
     """Some channels of a log over its whole length, a panel for each."""
-    zero, rig = clock_zero(run), given_rig("plot", None, run.rig)
-    channels = [row for row in channels_drawn(run, rig) if row[0] in names]
-    t, curves = thinned(
-        run.t - zero, [run.channels[name] * factor for name, *_, factor in channels]
-    )
-    panels = [
-        Panel(title, unit, [Curve("", curve)], repaired_spans(run, (name,), zero))
-        for (name, title, unit, _), curve in zip(channels, curves, strict=True)
-    ]
+    t, _ = thinned(run.t - clock_zero(run), [])
+    panels = _channel_panels(run, given_rig("plot", None, run.rig), names)
     return History(t, time_label(run), panels, ())
+
+
+def _channel_panels(run: Run, rig: Rig, names: Collection[str]) -> list[Panel]:
+    """A panel for each channel of a log with one of some names, at the instants of a history."""
+    panels = []
+    for name, title, unit, factor in channels_drawn(run, rig):
+        if name in names:
+            _, (curve,) = thinned(run.t, [run.channels[name] * factor])
+            repaired = repaired_spans(run, (name,), clock_zero(run))
+            panels.append(Panel(title, unit, [Curve("", curve)], repaired))
+    return panels
 
 
 def power_curve(stage: str, watts: Signal) -> Curve:

@@ -24,7 +24,6 @@ from winchcascade.report.content import (
     section,
     table,
 )
-from winchcascade.report.diagnosis_names import call_all, called
 from winchcascade.report.figures.style import (
     COLOURS,
     Look,
@@ -37,6 +36,7 @@ from winchcascade.report.figures.style import (
 )
 from winchcascade.report.glossary import tex, upper
 from winchcascade.report.results.common import PRINTED, provenance, table_rows
+from winchcascade.report.results.effects import call_all, called
 from winchcascade.report.wording import at_most, load_words
 from winchcascade.rig.effects.effect import Parameter
 from winchcascade.tables.attainable import Ability, AttainableRanges, SuspectResult, Values

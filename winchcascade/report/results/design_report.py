@@ -25,7 +25,6 @@ from winchcascade.report.content import (
     shown,
     table,
 )
-from winchcascade.report.diagnosis_names import call_all, called
 from winchcascade.report.figures.style import (
     COLOURS,
     Entry,
@@ -38,6 +37,7 @@ from winchcascade.report.figures.style import (
     panel_figure,
 )
 from winchcascade.report.results.common import provenance
+from winchcascade.report.results.effects import call_all, called
 from winchcascade.report.results.judgement import (
     band_cell,
     band_record,

@@ -44,8 +44,6 @@ from winchcascade.report.diagnosis_names import (
     alarm_place,
     at_words,
     baseline_words,
-    call_all,
-    called,
     display_of,
     files_of,
     number_words,
@@ -72,6 +70,7 @@ from winchcascade.report.results.diagnosis_parts import (
     verdict_tile,
 )
 from winchcascade.report.results.diagnosis_sentences import experiment_words
+from winchcascade.report.results.effects import call_all, called
 from winchcascade.report.results.laws_beside_model import stage_laws_section
 from winchcascade.report.results.stage_diagnosis import stage_report
 from winchcascade.report.results.validation_report import validation_section

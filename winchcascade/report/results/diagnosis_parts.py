@@ -39,8 +39,6 @@ from winchcascade.report.content import (
 from winchcascade.report.diagnosis_names import (
     NAMES,
     alarm_place,
-    call_all,
-    called,
     display_of,
     files_of,
     nuisance_words,
@@ -56,6 +54,7 @@ from winchcascade.report.figures.diagnosis_figures import profile_figure, stabil
 from winchcascade.report.glossary import upper
 from winchcascade.report.results import diagnosis_words as words
 from winchcascade.report.results.common import data_note, provenance
+from winchcascade.report.results.effects import call_all, called
 from winchcascade.rig.effects.effect import Display, Effect, Parameter
 
 

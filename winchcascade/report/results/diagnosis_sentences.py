@@ -23,7 +23,6 @@ from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.report.diagnosis_names import (
     NAMES,
     at_words,
-    called,
     channel_words,
     has_own_simulation,
     items_of,
@@ -36,6 +35,7 @@ from winchcascade.report.diagnosis_names import (
     word_of,
 )
 from winchcascade.report.glossary import CHANNELS, upper
+from winchcascade.report.results.effects import called
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Effect, Stated
 

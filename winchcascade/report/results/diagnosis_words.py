@@ -27,8 +27,6 @@ from winchcascade.diagnosis.verdict_limits import MIN_RUNS
 from winchcascade.report.content import Note
 from winchcascade.report.diagnosis_names import (
     about_words,
-    call_all,
-    called,
     display_of,
     files_of,
     has_own_simulation,
@@ -46,6 +44,7 @@ from winchcascade.report.results.diagnosis_sentences import (
     stated_text,
     trend_sentence,
 )
+from winchcascade.report.results.effects import call_all, called
 from winchcascade.report.wording import load_words
 from winchcascade.rig.parts import path_in_rig
 

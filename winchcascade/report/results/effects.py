@@ -1,12 +1,40 @@
-"""What the catalogue states of the effects that the model of a rig may lack: all of them by
-stage, or one in full.
+"""The effects that the model of a rig may lack: what every text calls them, and what the catalogue
+states of all of them by stage, or of one in full.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+
+from winchcascade.diagnosis.fit.entries import effect_name
 from winchcascade.report.content import Column, Note, Report, section, table
 from winchcascade.rig.effects.catalogue import EFFECTS, find_effect
 from winchcascade.rig.effects.effect import Effect, Parameter
+
+
+def called(name: str, suspects: Mapping[str, Effect] = EFFECTS) -> str:
+    """An effect as every text calls it: its label, and its identifier in brackets, which a page
+    sets small.
+
+    Parameters
+    ----------
+    suspects : those of the diagnosis, which may be more than the effects of the catalogue
+
+    Examples
+    --------
+    >>> called("copper_heating"), called("load_entry(r9ohm.csv)"), called("unknown")
+    ('Stator resistance (copper_heating)', 'Load of a run (load_entry(r9ohm.csv))', 'unknown')
+    """
+    effect = suspects.get(name) or EFFECTS.get(effect_name(name))
+    return name if effect is None else f"{effect.label} ({name})"
+
+
+def call_all(
+    names: Iterable[str], suspects: Mapping[str, Effect] = EFFECTS, between: str = ", "
+) -> str:
+    """Several effects as texts call them."""
+    return between.join(called(name, suspects) for name in names)
+
 
 EFFECT_COLUMNS: tuple[Column[Effect], ...] = (
     Column("effect", lambda effect: effect.name),

@@ -13,7 +13,7 @@ from winchcascade.diagnosis.diagnosis_result import Judgement
 from winchcascade.diagnosis.handover.posterior import Band
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.report.content import Cell, Measured, Note, Span
-from winchcascade.report.diagnosis_names import call_all
+from winchcascade.report.results.effects import call_all
 
 
 def judgement_record(judgement: Judgement) -> dict[str, Any]:

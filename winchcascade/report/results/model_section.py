@@ -34,7 +34,6 @@ from winchcascade.report.content import (
     Table,
     number_text,
 )
-from winchcascade.report.diagnosis_names import call_all
 from winchcascade.report.figures.style import (
     COLOURS,
     MARK_SIZE,
@@ -52,6 +51,7 @@ from winchcascade.report.figures.style import (
     readable,
     shade_over_speed,
 )
+from winchcascade.report.results.effects import call_all
 from winchcascade.report.wording import load_words
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from winchcascade.core.version import __version__
 from winchcascade.design.run_plan import RunPlan
 from winchcascade.diagnosis.explain.planned_run import BACK, PlannedRun
 from winchcascade.report.content import Column, Note, Report, section, table
-from winchcascade.report.diagnosis_names import call_all
 from winchcascade.report.results.common import provenance
+from winchcascade.report.results.effects import call_all
 from winchcascade.report.wording import load_words
 
 

@@ -24,7 +24,6 @@ from winchcascade.report.content import (
     table,
 )
 from winchcascade.report.diagnosis_names import (
-    call_all,
     origins_of,
     phase_words,
     probability_words,
@@ -57,6 +56,7 @@ from winchcascade.report.results.diagnosis_parts import (
     verdict_tile,
 )
 from winchcascade.report.results.diagnosis_sentences import experiment_words
+from winchcascade.report.results.effects import call_all
 from winchcascade.report.wording import banner
 
 if TYPE_CHECKING:
