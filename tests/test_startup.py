@@ -44,13 +44,11 @@ def test_reduce_of_a_csv_log_imports_nothing_slow(fixtures: Path, options: list[
     )  # lays out the tables
 
 
-def test_a_page_of_a_log_imports_no_frames_and_no_more_of_scipy_than_numba_does(
-    fixtures: Path, tmp_path: Path
-) -> None:
+def test_a_page_of_a_log_imports_no_frames_and_no_search(fixtures: Path, tmp_path: Path) -> None:
     page = ["--html", str(tmp_path / "page.html")]
     loaded = modules_after(["reduce", str(fixtures / "campaign" / "r36ohm.csv"), *page])
     assert "matplotlib" in loaded
-    unused = {"pandas", "typst", "scipy.interpolate", "scipy.optimize", "scipy.sparse"}
+    unused = {"pandas", "typst", "winchcascade.diagnosis.fit.search"}
     assert not unused & loaded
 
 

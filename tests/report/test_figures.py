@@ -1,8 +1,6 @@
 """Figures draw what was reduced, with names or units on their axes and no text over another."""
 
-import io
 from pathlib import Path
-from typing import Literal
 
 import matplotlib
 import msgspec
@@ -19,15 +17,7 @@ from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import Uncertainty, uncertainty
 from winchcascade.report.figures import reduction_figures as figures
 from winchcascade.report.figures.histories import PANELS, history_figure, log_history, powers_of
-from winchcascade.report.figures.style import (
-    COLOURS,
-    drawn,
-    house_style,
-    label_panel,
-    legend_above,
-    line_entry,
-    panel_figure,
-)
+from winchcascade.report.figures.style import COLOURS, drawn, house_style, label_panel, panel_figure
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 LOGS = {
@@ -172,48 +162,6 @@ def test_numbers_of_an_axis_are_in_full_and_leave_the_place_of_the_title_alone(
     ]
     assert shown == pytest.approx(ax.get_yticks().tolist(), abs=1e-9)
     assert ax.yaxis.get_offset_text().get_text() == ""
-
-
-PLACED = 2.0
-"""How exactly Matplotlib's constrained layout places panels, which measures texts in whole pixels.
-[points]"""
-
-
-@pytest.mark.parametrize(("rows", "columns", "share"), [(1, 1, ""), (3, 1, "x"), (2, 2, "xy")])
-def test_panels_stand_where_constrained_layout_puts_them(
-    rows: int, columns: int, share: Literal["", "x", "xy"]
-) -> None:
-    places = []
-    for engine in (None, "constrained"):
-        with house_style():
-            figure, axes = panel_figure(1.0 + 1.4 * rows, rows, columns, share=share)
-            for k, ax in enumerate(axes):
-                ax.plot([0.0, 10.0 ** (k + 2)])
-                label_panel(ax, "a", "Voltage", x="Time (s)", unit="V")
-            legend_above(figure, [line_entry("simulated")])
-            if engine is not None:
-                figure.set_layout_engine(engine)
-        drawn(figure)
-        size = 72.0 * figure.get_size_inches()
-        places.append([ax.get_position().get_points() * size for ax in axes])
-    assert np.array(places[0]) == pytest.approx(np.array(places[1]), abs=PLACED)
-
-
-def test_labels_of_histories_stand_below_each_other_however_often_they_are_drawn(
-    clean: Result,
-) -> None:
-    with house_style():
-        figure = time_histories(clean[0])
-    found = []
-    for _ in range(2):
-        with house_style():
-            figure.savefig(io.BytesIO())
-        labels = [ax.yaxis.label for ax in figure.axes]
-        found.append([one.get_transform().transform(one.get_position())[0] for one in labels])
-    assert max(found[0]) - min(found[0]) < 0.01
-    assert found[1] == pytest.approx(found[0], abs=0.01)
-    numbers = [text.get_window_extent().x0 for ax in figure.axes for text in ax.get_yticklabels()]
-    assert max(found[0]) < min(numbers)
 
 
 def test_the_house_style_leaves_no_trace_in_the_users_settings() -> None:

@@ -9,16 +9,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from functools import cache, lru_cache
-from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_type_hints
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.machine_parts import measures
-from winchcascade.core.monotone_cubic import MonotoneCubic, monotone_cubic
 from winchcascade.core.quantity import ATMOSPHERE, KGF
 from winchcascade.core.rig_file import PARTS as SECTIONS
 from winchcascade.core.run import Signal
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
 
 
 class Number(NamedTuple):
@@ -156,13 +158,15 @@ NO_ROLLOFF = (1.0,) * (len(ROLLOFF_KNOTS) - 1)
 
 
 @lru_cache(maxsize=256)
-def rolloff_curve(rolloff: tuple[float, ...]) -> MonotoneCubic:
+def rolloff_curve(rolloff: tuple[float, ...]) -> PchipInterpolator:
     """Share of the back-EMF constant up to the last of `ROLLOFF_KNOTS`, by a monotone cubic [1]
     (Fritsch and Butland 1984).
 
     It is one of the stator current over the rated one. `rolloff` is as in `GeneratorModel`.
     """
-    return monotone_cubic(ROLLOFF_KNOTS, (1.0, *rolloff))
+    from scipy.interpolate import PchipInterpolator
+
+    return PchipInterpolator(ROLLOFF_KNOTS, (1.0, *rolloff))
 
 
 class GeneratorModel(NamedTuple):

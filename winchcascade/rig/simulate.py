@@ -15,7 +15,6 @@ from winchcascade.core.campaign_file import SIMULATED
 from winchcascade.core.channels import CHANNELS
 from winchcascade.core.errors import LogError, OptionError, RigError, check_type
 from winchcascade.core.files import write_whole
-from winchcascade.core.monotone_cubic import monotone_cubic
 from winchcascade.core.quantity import UNITS
 from winchcascade.core.rig_toml import given_rig
 from winchcascade.core.run import LOAD_HEADER, SIMULATED_HEADERS, Run, Signal
@@ -76,10 +75,12 @@ def even_motion(t: Signal, v: Signal, step: float, rest: float) -> LineMotion:
     t, v : (k,) stamps that rise [s], velocities [m/s]
     rest : speed within which friction changes its sign [m/s]
     """
+    from scipy.interpolate import PchipInterpolator
+
     even = t[0] + step * np.arange(math.ceil((t[-1] - t[0]) / step - ROUNDED) + 1)
-    curve, known = monotone_cubic(t, v), np.minimum(even, t[-1])
+    curve, known = PchipInterpolator(t, v), np.minimum(even, t[-1])
     speed = curve(known)
-    return LineMotion(even, integral(speed, step), speed, curve.slope(known), step, rest)
+    return LineMotion(even, integral(speed, step), speed, curve(known, 1), step, rest)
 
 
 READ = ("pressure", "force", "torque", "vdc", "idc")

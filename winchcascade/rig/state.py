@@ -116,7 +116,7 @@ def constants(model: Model, load: float, rest: float) -> Constants:
 @lru_cache(maxsize=256)
 def rolloff_slopes(rolloff: tuple[float, ...]) -> tuple[float, ...]:
     """Slopes of `rolloff_curve` at `ROLLOFF_KNOTS`. [1]"""
-    return tuple(rolloff_curve(rolloff).slope(ROLLOFF_KNOTS).tolist())
+    return tuple(rolloff_curve(rolloff)(ROLLOFF_KNOTS, 1).tolist())
 
 
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH)

@@ -11,13 +11,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import product
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.jobs import Nobody, Watch, all_at_once
-from winchcascade.core.monotone_cubic import MonotoneCubic, monotone_cubic
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Signal
 from winchcascade.core.scales import MotionScale, scales_of
@@ -37,6 +36,9 @@ from winchcascade.tables.payouts import (
     row_windows,
 )
 from winchcascade.tables.published_table import PublishedTable
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
 
 ETAS = tuple(RATIOS)
 """Efficiencies in the order of the columns of every array here."""
@@ -255,7 +257,7 @@ class TableProblem:
         self.groups = np.repeat(np.arange(len(rows)), len(ETAS))
         self.begins: Mapping[str, Sequence[float]] = {}
         self.exclusive: Sequence[Together] = ()
-        self.curves: dict[str, list[MonotoneCubic | None]] = {}
+        self.curves: dict[str, list[PchipInterpolator | None]] = {}
 
     def active(self, names: Sequence[str], x: Signal) -> list[ActiveEffect]:
         """Suspects with values."""
@@ -358,7 +360,7 @@ class TableProblem:
             for pair in zip(self.suspects[name].fields, self.curves[name], strict=True)
         )
         ends = [
-            (c.knots[0], c.knots[-1]) if wide and c is not None else (field.low, field.high)
+            (c.x[0], c.x[-1]) if wide and c is not None else (field.low, field.high)
             for field, c in pairs
         ]
         low, high = np.array(ends, dtype=np.float64).reshape(-1, 2).T
@@ -369,9 +371,11 @@ def make_curves(problem: TableProblem, name: str) -> None:
     """Lay a monotone cubic through the logarithms of the efficiencies over each field of a
     suspect; none if it does nothing.
     """
+    from scipy.interpolate import PchipInterpolator
+
     effect = problem.suspects[name]
     absent = np.array([field.absent for field in effect.fields])
-    curves: list[MonotoneCubic | None] = []
+    curves: list[PchipInterpolator | None] = []
     for k, field in enumerate(effect.fields):
         nodes = {field.absent: np.zeros(problem.printed.shape)}
         for end, share in product(
@@ -387,7 +391,7 @@ def make_curves(problem: TableProblem, name: str) -> None:
         moved = max(float(np.abs(ratio).max()) for ratio in nodes.values())
         at = sorted(nodes)
         curves.append(
-            monotone_cubic(at, np.array([nodes[x] for x in at])) if moved > SILENT else None
+            PchipInterpolator(at, np.array([nodes[x] for x in at])) if moved > SILENT else None
         )
     problem.curves[name] = curves
 
@@ -496,10 +500,7 @@ def _ability(problem: TableProblem, name: str, k: int, before: float) -> Ability
     if curve is not None and not more:
         x = np.unique(
             np.concatenate(
-                [
-                    np.linspace(curve.knots[0], curve.knots[-1], 1601),
-                    [field.low, field.high, field.absent],
-                ]
+                [np.linspace(curve.x[0], curve.x[-1], 1601), [field.low, field.high, field.absent]]
             )
         )
         eta = problem.nominal * np.exp(curve(x))

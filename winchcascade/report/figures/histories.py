@@ -121,8 +121,6 @@ class History(NamedTuple):
 # -------------------------------------------------------------------------------- figure and page
 def history_figure(history: History) -> Figure:
     """Draw the panels of a history, with one legend above them."""
-    from winchcascade.report.figures.panel_layout import PanelLayout
-
     panels = history.panels
     figure, axes = panel_figure(0.6 + 0.95 * len(panels), len(panels), share="x")
     draw_history(axes, history)
@@ -136,7 +134,7 @@ def history_figure(history: History) -> Figure:
     entries = [*named.values(), *mark_entries(history.marks), *repaired]
     if entries:
         legend_above(figure, entries)
-    figure.set_layout_engine(PanelLayout(aligned=True))
+    figure.align_ylabels(axes)
     return figure
 
 

@@ -206,12 +206,10 @@ def _draw(figure: Figure, ending: str) -> bytes:
 
 # ----------------------------------------------------------------------------------------- panels
 def wide_figure(height: float) -> Figure:
-    """An empty figure of some height [in], laid out when it is drawn."""
+    """An empty figure of some height [in], laid out by constrained layout when it is drawn."""
     from matplotlib.figure import Figure
 
-    from winchcascade.report.figures.panel_layout import PanelLayout
-
-    return Figure((WIDTH, height), layout=PanelLayout())
+    return Figure((WIDTH, height), layout="constrained")
 
 
 def panel_figure(

@@ -160,7 +160,7 @@ def loss_figure(found: LossMap, labels: Sequence[str]) -> Figure:
     for ax, (letter, title, values) in zip(panels, shown, strict=True):
         if np.ptp(found.motion) > 0.0 and np.ptp(found.load) > 0.0:
             heat = ax.contourf(found.motion, found.load, values, LEVELS, cmap=heat_map)
-            figure.colorbar(heat, cax=ax.inset_axes((1.04, 0.0, 0.05, 1.0)))
+            figure.colorbar(heat, ax=ax)
             ax.contourf(
                 found.motion,
                 found.load,
