@@ -15,6 +15,7 @@ from winchcascade.core.rig_file import ModelAccuracy
 from winchcascade.diagnosis.fit.block_means import PHASES
 from winchcascade.diagnosis.fit.fitted_log import OF_A_BLOCK, RHO, TOP
 from winchcascade.diagnosis.fit.misfit import Fitted
+from winchcascade.diagnosis.fit.nearby import Slope, foreseen_of
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
@@ -225,3 +226,20 @@ def test_what_newly_acts_has_derivatives_of_its_own(data: Fitted) -> None:
     near = data.predictions_near((nothing, here), [(nothing, there)])[:, :, 0]
     assert near == pytest.approx(data.predict(nothing, there), rel=1e-9)
     assert np.any(near != data.predict(nothing, here))
+
+
+def test_what_rounding_leaves_of_a_change_has_no_derivative() -> None:
+    """Shares of a roll-off are products of those before them, and cancel but for rounding."""
+    rng, lost = np.random.default_rng(0), np.array([0.001, 0.0006, 0.0, 0.013, 0.03, 0.07, 5e-11])
+
+    def change(way: np.ndarray) -> dict[str, float]:
+        moved = np.cumprod(1.0 - lost - way) - np.cumprod(1.0 - lost)
+        return {f"{k}": by for k, by in enumerate(moved.tolist()) if by}
+
+    ways = 0.003 * np.eye(lost.size)[:-1]
+    slopes = {f"{k}": Slope(change(way), np.full((1, 5), float(k))) for k, way in enumerate(ways)}
+    for size in rng.uniform(-0.002, 0.002, (200, lost.size)):
+        foreseen, left = foreseen_of(slopes, change(np.append(size[:-1], -lost[-1])), 0.0)
+        expected = size[:-1] / 0.003 @ np.arange(lost.size - 1.0)
+        assert not left
+        assert foreseen == pytest.approx(expected, abs=0.2)

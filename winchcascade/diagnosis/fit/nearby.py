@@ -33,8 +33,10 @@ fit takes its own: sets are compared by logs that are held out, which magnify wh
 """
 
 
-ROUNDING = 1e-9
-"""Share of what cancels that remains of a change by rounding. [1]"""
+ROUNDING = 1e-6
+"""Share of a change, or of what cancels it, that remains by rounding: a derivative along so little
+would be one of rounding alone. [1]
+"""
 
 
 class Slope(NamedTuple):
@@ -114,9 +116,11 @@ class Nearby:
         change = differences(self._models[k], model) if np.array_equal(skew, self._skew) else None
         if change is None:
             return self._predicted(k, model, skew) - self._read[k]
-        foreseen, left = _foreseen(self._slopes[k], change, serves)
+        foreseen, left = foreseen_of(self._slopes[k], change, serves)
         if not left:
             return np.zeros_like(self._read[k]) + foreseen
+        # what derivatives of other places miss belongs to no number
+        foreseen, left = foreseen_of(self._slopes[k], change, min(serves, 0.0))
         moved = self._predicted(k, model, skew) - self._read[k]
         self._slopes[k][min(left)] = Slope(left, moved - foreseen)
         return moved
@@ -128,7 +132,7 @@ class Nearby:
         moved, foreseen = [], []
         for k, (here, there) in enumerate(zip(self._models, other._models, strict=True)):
             way = differences(without_sensors(here), without_sensors(there))
-            known, left = _foreseen(self._slopes[k], way or {}, math.inf)
+            known, left = foreseen_of(self._slopes[k], way or {}, math.inf)
             if way is None or left:
                 return None
             foreseen.append(np.zeros_like(self._true[k]) + known)
@@ -188,7 +192,7 @@ def _missed(way: tuple[Signal, Signal] | None, whiten: Callable[[Signal], Signal
     return missed / max(moved, 1.0)
 
 
-def _foreseen(
+def foreseen_of(
     slopes: Mapping[str, Slope], change: Mapping[str, float], serves: float
 ) -> tuple[Signal | float, dict[str, float]]:
     """What a change of some numbers moves in the blocks of a log by derivatives, (m, 5), and what
@@ -199,6 +203,7 @@ def _foreseen(
     """
     moved: Signal | float = 0.0
     left, ahead = dict(change), sorted(change)
+    size = {number: abs(by) for number, by in change.items()}
     while ahead:
         number = ahead.pop(0)
         if number not in slopes or slopes[number].missed > serves:
@@ -208,7 +213,8 @@ def _foreseen(
         moved = moved + share * moves
         for other, by in along.items():
             was, taken = left.pop(other, 0.0), share * by
-            if other != number and abs(was - taken) > ROUNDING * max(abs(was), abs(taken)):
+            size[other] = max(size.get(other, 0.0), abs(taken))
+            if other != number and abs(was - taken) > ROUNDING * size[other]:
                 left[other] = was - taken
         ahead = sorted(one for one in left if one > number)
     return moved, left
