@@ -141,15 +141,15 @@ Report = Callable[[str], None]
 """What is called with a sentence on each step."""
 
 
-MODEL, SEARCH, CONCLUSION, CAUSES, PLAN = pairwise((0, 10, 50, 75, 90, 100))
+MODEL, SEARCH, CONCLUSION, CAUSES, PLAN = pairwise((0.0, 0.1, 0.5, 0.75, 0.9, 1.0))
 """Shares of the time of a diagnosis at which its parts usually begin and end, with seven logs and
-with seventy. [%]"""
+with seventy. [1]"""
 
 
-def during(part: tuple[int, int], on_progress: Report) -> Report:
+def during(part: tuple[float, float], on_progress: Report) -> Report:
     """Reports of the steps of a part that state which share of the whole it usually is."""
-    first, last = part
-    return lambda text: on_progress(f"{text} ({first} to {last} % of the time)")
+    place = " to ".join(f"{100.0 * share:.0f}" for share in part)
+    return lambda text: on_progress(f"{text} ({place} % of the time)")
 
 
 @linear_algebra_on_one_thread()
