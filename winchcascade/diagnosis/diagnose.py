@@ -267,6 +267,7 @@ def _with_causes(
     data, suspects, found = result.data, result.suspects, result.found
     logs = windowed_logs(data, windows)
     if not found.best.names:
+        on_progress("finding what these logs would show")
         contributions, _, inputs = contributions_of(data, found, (), logs)
         return msgspec.structs.replace(
             result,
