@@ -94,13 +94,15 @@ class Made(NamedTuple):
 def made(
     kind: str, folder: Path, *, odd: str = "", title: str = "A campaign of two loads"
 ) -> list[Made]:
-    """Call the command of a kind in an empty folder; the pages that it wrote, in the order in
+    """Call the command of a kind in an empty folder; the pages that it wrote there, in the order in
     which it made them. A diagnosis is that of several tests, under the title.
     """
     if kind in DIAGNOSES:
         found = replace(diagnosed(DIAGNOSES[kind]), title=title)
         report = diagnosis_report(found, command="winchcascade diagnose planted")
-        return [Made(report, page_module.page_text(report))]
+        made_here = Made(report, page_module.page_text(report))
+        (folder / "page.html").write_text(made_here.page, encoding="utf-8")
+        return [made_here]
     _write_inputs(kind, folder, odd, title)
     pages: list[Made] = []
     usual = page_module.page_text

@@ -93,6 +93,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], list[Path
             made(kind, folder)
             logs = sorted(folder.rglob("runs/*.html"))
             known[kind] = [page for page in sorted(folder.rglob("*.html")) if page not in logs[1:]]
+            assert known[kind], f"{kind} has no page"
         return known[kind]
 
     return give
