@@ -30,11 +30,15 @@ def first_of(texts: Sequence[str], limit: int, between: str = ", ") -> str:
     return between.join(texts[:limit]) + more
 
 
-def numbers_text(numbers: Iterable[int], limit: int = 12) -> str:
+MAX_RUNS = 12
+"""Maximum number of ranges that a list of numbers states. [1]"""
+
+
+def numbers_text(numbers: Iterable[int]) -> str:
     """List of rising numbers for a sentence, three and more in a row as a range.
 
-    >>> numbers_text([1, 2, 4, 5, 6]), numbers_text([1, 3, 5], limit=2)
-    ('1, 2, 4 to 6', '1, 3 and 1 more')
+    >>> numbers_text([1, 2, 4, 5, 6])
+    '1, 2, 4 to 6'
     """
     runs: list[list[int]] = []
     for number in numbers:
@@ -42,7 +46,7 @@ def numbers_text(numbers: Iterable[int], limit: int = 12) -> str:
             runs.append([])
         runs[-1].append(number)
     texts = [f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs]
-    return first_of(texts, limit)
+    return first_of(texts, MAX_RUNS)
 
 
 def printable(text: str) -> str:

@@ -137,7 +137,7 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
         ]
 
 
-Report = Callable[[str], None]
+OnProgress = Callable[[str], None]
 """What is called with a sentence on each step."""
 
 
@@ -146,10 +146,10 @@ MODEL, SEARCH, CONCLUSION, CAUSES, PLAN = pairwise((0.0, 0.1, 0.5, 0.75, 0.9, 1.
 with seventy. [1]"""
 
 
-def during(part: tuple[float, float], on_progress: Report) -> Report:
-    """Reports of the steps of a part that state which share of the whole it usually is."""
-    place = " to ".join(f"{100.0 * share:.0f}" for share in part)
-    return lambda text: on_progress(f"{text} ({place} % of the time)")
+def during(part: tuple[float, float], on_progress: OnProgress) -> OnProgress:
+    """Reports the steps of a part with the share of a diagnosis that is usually done meanwhile."""
+    done = " to ".join(f"{100.0 * share:.0f}" for share in part)
+    return lambda text: on_progress(f"{text} (usually {done} % done)")
 
 
 @linear_algebra_on_one_thread()
@@ -163,7 +163,7 @@ def diagnose(
     windows: Sequence[float | None] | None = None,
     withheld: Sequence[int] = (),
     seed: int = 0,
-    on_progress: Report = lambda _: None,
+    on_progress: OnProgress = lambda _: None,
 ) -> ModelDiagnosis:
     """Diagnose some runs on one rig, each number of which enters as it was before any calibration.
 
@@ -232,7 +232,7 @@ def _check_channels(data: Fitted) -> None:
         )
 
 
-def _searched(problem: RigProblem, on_progress: Report) -> tuple[Fitted, Found]:
+def _searched(problem: RigProblem, on_progress: OnProgress) -> tuple[Fitted, Found]:
     """What a search finds, with the scatter of its residual within slow ramps as noise."""
     data, found = problem.data, search(problem, on_progress)
     fitted = data.predict(found.best.nu, found.best.effects(problem.suspects))
@@ -259,7 +259,7 @@ def _with_causes(
     result: ModelDiagnosis,
     held_out: HeldOut,
     windows: Sequence[float | None] | None,
-    on_progress: Report,
+    on_progress: OnProgress,
 ) -> ModelDiagnosis:
     """The result with the causes of the best fit, what each contributes, how far they close the
     gap, and what is too small.
@@ -267,7 +267,7 @@ def _with_causes(
     data, suspects, found = result.data, result.suspects, result.found
     logs = windowed_logs(data, windows)
     if not found.best.names:
-        on_progress("finding what these logs would show")
+        on_progress("finding the smallest effects that these logs show")
         contributions, _, inputs = contributions_of(data, found, (), logs)
         return msgspec.structs.replace(
             result,
@@ -307,7 +307,7 @@ def _with_causes(
     )
 
 
-def judged(result: ModelDiagnosis, on_progress: Report) -> ModelDiagnosis:
+def judged(result: ModelDiagnosis, on_progress: OnProgress) -> ModelDiagnosis:
     """The result with its verdict, what remains, where the gap lies, and what to test next."""
     data, found, closure = result.data, result.found, result.closure
     signs = ringing(result.judged, *SIGNS)

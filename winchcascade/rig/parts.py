@@ -401,13 +401,9 @@ def changed(model: Model, path: str, operation: Operation, by: float) -> Model:
     return with_number(model, path, _CHANGED[operation](number_of(model, path), by))
 
 
-ROUNDED = 1e-12
-"""Share of a number by which two of them differ that are equal but for rounding. [1]"""
-
-
 def differences(model: Model, other: Model) -> dict[str, float] | None:
-    """Numbers in which another model differs by more than rounding, by their paths, and by how much
-    they are larger there; None where more than numbers differ.
+    """Numbers in which another model differs, by their paths, and by how much they are larger
+    there; None where more than numbers differ.
 
     >>> from winchcascade.core.rig_toml import built_in
     >>> from winchcascade.rig.baseline import baseline
@@ -427,17 +423,12 @@ def differences(model: Model, other: Model) -> dict[str, float] | None:
             if one is another or one == another:
                 continue
             if isinstance(one, float) and isinstance(another, float):
-                pairs = {f"{part}.{name}": (one, another)}
+                found[f"{part}.{name}"] = another - one
             elif isinstance(one, tuple) and isinstance(another, tuple):
-                each = enumerate(zip(one, another, strict=True))
-                pairs = {f"{part}.{name}.{k}": pair for k, pair in each}
+                by = {k: b - a for k, (a, b) in enumerate(zip(one, another, strict=True))}
+                found |= {f"{part}.{name}.{k}": change for k, change in by.items() if change}
             else:
                 return None
-            found |= {
-                path: b - a
-                for path, (a, b) in pairs.items()
-                if not math.isclose(a, b, rel_tol=ROUNDED, abs_tol=ROUNDED**2)
-            }
     return found
 
 

@@ -393,30 +393,28 @@ class Fitted:
 
         local = self.nuisances[self.simulated :]
         shape = self.measured.size, len(local)
-        cells = [
-            ((rows.start + blocks) * len(CHANNELS) + CHANNELS.index(n.name), j, n.sd * moved)
-            for j, n in enumerate(local)
-            for rows, (blocks, moved) in zip(self.rows, self._moved_by(n), strict=True)
-        ]
-        if not cells:
-            return csr_array(shape)
-        columns = np.repeat([j for _, j, _ in cells], [moved.size for *_, moved in cells])
-        places, _, values = zip(*cells, strict=True)
-        return csr_array((np.concatenate(values), (np.concatenate(places), columns)), shape=shape)
+        places, columns, values = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)], [np.zeros(0)]
+        for j, n in enumerate(local):
+            for number in [n.log] if n.kind == "zero" else range(len(self.logs)):
+                blocks, moved = self._moved_by(n, number)
+                cells = (self.rows[number].start + blocks) * len(CHANNELS)
+                places.append(cells + CHANNELS.index(n.name))
+                columns.append(np.full(blocks.size, j))
+                values.append(n.sd * moved)
+        where = np.concatenate(places), np.concatenate(columns)
+        return csr_array((np.concatenate(values), where), shape=shape)
 
-    def _moved_by(self, n: Nuisance) -> Iterator[tuple[NDArray[np.intp], Signal]]:
-        """Of each log the blocks that a nuisance of 1 that is not simulated moves, and by how much,
-        SI units.
+    def _moved_by(self, n: Nuisance, number: int) -> tuple[NDArray[np.intp], Signal]:
+        """Blocks of a log that a nuisance of 1 that is not simulated moves, and by how much, SI
+        units.
         """
-        k = CHANNELS.index(n.name)
-        for number, log in enumerate(self.logs):
-            blocks, moves = log.course.blocks, np.ones(log.measured.shape[0])
-            here = np.full(moves.size, number == n.log)
-            if n.kind == "discrepancy":
-                of_load = log.load == n.load or math.isnan(n.load)
-                here = (blocks.phase == PHASES.index(n.phase)) & of_load
-                moves = log.courses[:, k, COURSES.index(n.course)]
-            yield np.flatnonzero(here), moves[here]
+        log = self.logs[number]
+        phase = log.course.blocks.phase
+        if n.kind == "zero":
+            return np.arange(phase.size), np.ones(phase.size)
+        of_load = log.load == n.load or math.isnan(n.load)
+        here = np.flatnonzero((phase == PHASES.index(n.phase)) & of_load)
+        return here, log.courses[here, CHANNELS.index(n.name), COURSES.index(n.course)]
 
 
 PART = 0.2

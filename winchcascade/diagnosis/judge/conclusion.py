@@ -38,7 +38,7 @@ def concluded(
     from there.
     """
     for _ in range(RESUMED_MAX):
-        on_progress("predicting withheld runs by fewer causes")
+        on_progress("predicting withheld runs with fewer causes")
         found = predicting_best(without_imitators(data, found), held_out)
         look_alikes_of(found)
         further = gone_on(found, on_progress)

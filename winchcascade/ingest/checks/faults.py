@@ -60,7 +60,7 @@ TURNS = 0.3
 """Smallest share of the bends of a noisy channel that reverse at once; two thirds of white noise,
 none of a ramp. [1]"""
 
-CALM = 0.05
+STRAIGHT = 0.05
 """Largest second difference of a filled gap, in usual ones. [1]"""
 
 ROUNDED = 2.001
@@ -162,7 +162,7 @@ def _jumps(x: Signal, size: float) -> Index:
 
 
 def _spikes(log: Samples, name: str, x: Signal, at: Index) -> Iterator[tuple[int, int]]:
-    """Stretches [first, after) of a few samples that lie off a calm line through their neighbours
+    """Stretches [first, after) of a few samples that lie off a straight line through their neighbours
     alike (a Hampel filter at the jumps after the samples `at`)."""
     level, jump = log.level(name), x[at + 1] - x[at]
     for length in range(1, SPIKE_LENGTH_MAX + 1):
@@ -187,8 +187,8 @@ def _spikes(log: Samples, name: str, x: Signal, at: Index) -> Iterator[tuple[int
         # Many losses that are filled with the sample before pass for noise.
         far = (inside[:, 0] == x[before]) | (size > OF_NOISE * noise)
         far &= size > (level.fault if length == 1 else level.long_fault)
-        calm = np.ptp(ends, axis=1) < AGREE * size
-        for first in (before[alike & far & calm] + 1).tolist():
+        agreeing = np.ptp(ends, axis=1) < AGREE * size
+        for first in (before[alike & far & agreeing] + 1).tolist():
             yield first, first + length
 
 
@@ -287,29 +287,29 @@ def filled_gaps(log: Samples, name: str) -> Mask:
     """Samples of a noisy channel on a line between two measured ones, for longer than chance
     allows."""
     x, level = log.channels[name], log.level(name)
-    calm, usual = np.zeros(x.size, dtype=bool), 1.652 * level.noise
+    straight, usual = np.zeros(x.size, dtype=bool), 1.652 * level.noise
     if not usual > ROUNDED * level.step or name == "displacement":
-        return calm
+        return straight
     for start in range(0, x.size - 2, BLOCK):
         bend = np.abs(np.diff(x[start : start + BLOCK + 2], 2))
-        least = max(CALM * usual, ROUNDED * level.step)
-        calm[start + 1 : start + 1 + bend.size] = bend <= least
+        least = max(STRAIGHT * usual, ROUNDED * level.step)
+        straight[start + 1 : start + 1 + bend.size] = bend <= least
     for a, b in _stretches(x[1:] == x[:-1], HELD_MIN - 1):
-        calm[a : b + 1] = False  # what holds one value is judged as stale
+        straight[a : b + 1] = False  # what holds one value is judged as stale
     stretches = []
-    for a, b in _rarely_beside(log, name, calm, _stretches(calm, HELD_MIN)):
+    for a, b in _uncommon(log, name, straight, _stretches(straight, HELD_MIN)):
         change = np.diff(x[max(a - 2, 0) : b + 2])
         jump = np.max(np.abs(change[[0, -1]] - median(change)))
         if jump <= level.long_fault and _turns(change[2:-2]) < 0.5 * TURNS:  # no step, no flicker
             stretches.append((a, b))
-    return _beyond_chance(log, name, calm, stretches, CONTINUES)
+    return _beyond_chance(log, name, straight, stretches, CONTINUES)
 
 
-def _rarely_beside(
-    log: Samples, name: str, calm: Mask, stretches: Sequence[tuple[int, int]]
+def _uncommon(
+    log: Samples, name: str, straight: Mask, stretches: Sequence[tuple[int, int]]
 ) -> Iterator[tuple[int, int]]:
-    """Those of some calm stretches beside which so few samples are calm that `_beyond_chance` may
-    find them; a bound by the nearest samples, which are among those that it counts."""
+    """Stretches on a straight line that `_beyond_chance` may find, as few of the samples next to
+    them are on one. These are among the samples that it counts, so they bound its share."""
     x, motion, reach = log.channels[name], log.motion(), NEAR * log.level(name).span
     beside = np.concatenate((np.arange(-BESIDE, 0), np.arange(BESIDE)))
     for start in range(0, len(stretches), BLOCK // beside.size):
@@ -319,9 +319,9 @@ def _rarely_beside(
         same = (np.abs(x[rows] - x[first]) <= reach) & (
             motion[rows] == motion[(first + after) // 2]
         )
-        share = (np.count_nonzero(same & calm[rows], axis=1) + 1.0) / (beside.size + 2.0)
-        rare = CONTINUES * share < np.exp(CERTAIN / (after - first)[:, 0])
-        yield from map(tuple, part[rare].tolist())
+        share = (np.count_nonzero(same & straight[rows], axis=1) + 1.0) / (beside.size + 2.0)
+        few = CONTINUES * share < np.exp(CERTAIN / (after - first)[:, 0])
+        yield from map(tuple, part[few].tolist())
 
 
 def _beyond_chance(

@@ -134,13 +134,14 @@ def copied_cycles(log: PhasedLog) -> Iterator[Fault]:
     windows = [(c.window.onset, c.window.cutoff) for c in log.complete]
     rows = [log.phased.rows(*window) for window in windows]
     keys = [row_keys(x[part] for x in channels.values()) for part in rows]
-    of_cycle = np.repeat(np.arange(len(keys)), [part.size for part in keys])
-    order = np.argsort(every := np.concatenate(keys), kind="stable")
+    every, sizes = np.concatenate(keys), [part.size for part in keys]
+    of_cycle = np.repeat(np.arange(len(keys)), sizes)
+    order = np.argsort(every, kind="stable")
     begins = np.flatnonzero(np.diff(every[order], prepend=np.nan))
     first = np.empty_like(of_cycle)  # of the cycles that hold an equal row
     first[order] = np.repeat(of_cycle[order[begins]], np.diff(begins, append=every.size))
     copies = []
-    for k, seen_in in enumerate(np.split(first, np.cumsum([part.size for part in keys[:-1]]))):
+    for k, seen_in in enumerate(np.split(first, np.cumsum(sizes[:-1]))):
         # A cycle that holds more than half of the samples is in the middle of their order.
         original = int(np.sort(seen_in)[seen_in.size // 2]) if seen_in.size else k
         equal = np.count_nonzero(seen_in == original)
