@@ -129,7 +129,7 @@ def test_an_entry_is_rarer_than_an_effect_of_the_rig() -> None:
 def test_a_usual_multiple_has_a_higher_prior_and_a_convention_no_other() -> None:
     def gain(name: str, value: float) -> float:
         return usual_gain(
-            EFFECTS, (name,), np.array([value]), freedom(EFFECTS[name]), np.array([[1e6]])
+            EFFECTS, (name,), np.array([value]), freedom(EFFECTS[name]).sd, np.array([[1e6]])
         )
 
     assert gain("pole_pairs", 0.5) > 0.0 > gain("pole_pairs", 0.3) > -1.0

@@ -180,7 +180,8 @@ def test_the_closed_form_is_the_evidence_of_a_refit_where_the_problem_is_linear(
     ]:
         refit, ordered = fit_set(problem, outcome.marginal, names), tuple(sorted(names))
         if np.abs(refit.r).max() < 3.0:
-            lost = outcome.expansion.rated(ordered) - outcome.expansion.rated(outcome.best.names)
+            rated = outcome.expansion.rated([ordered, outcome.best.names])
+            lost = rated[ordered] - rated[outcome.best.names]
             assert lost == pytest.approx(
                 outcome.evidence.of(refit) - outcome.evidence.of(outcome.best), abs=0.05
             )

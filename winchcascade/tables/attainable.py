@@ -450,10 +450,8 @@ def _explained(
         return msgspec.structs.replace(ranges, suspects=tuple(results))
     found = search(problem)
     size = max(len(found.best.names), 1)
-    near = [names for names in neighbours(found.expansion, found.best.names) if len(names) == size][
-        :MAX_SIMULATED
-    ]
-    values = [_improved(problem, names, found.fit(names).x) for names in near]
+    near = [names for names in neighbours(found.expansion, found.best.names) if len(names) == size]
+    values = [_improved(problem, names, found.fit(names).x) for names in near[:MAX_SIMULATED]]
     sets = tuple(
         sorted((one for one in values if one.enough), key=lambda one: one.misfit)[:MAX_SETS]
     )

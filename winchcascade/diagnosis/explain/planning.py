@@ -366,7 +366,9 @@ def _unlisted(found: Found, causes: Sequence[NamedCause]) -> Pairs:
         return []
     others = [name for name in suspects if name not in best and suspects[name].stage != "entry"]
     others = [name for name in others if not are_together(found.problem.exclusive, lead, name)]
-    near = max(others, key=lambda name: found.expansion.rated(swap(best, lead, name)), default=None)
+    swaps = {name: swap(best, lead, name) for name in others}
+    rated = found.expansion.rated(swaps.values())
+    near = max(swaps, key=lambda name: rated[swaps[name]], default=None)
     return [] if near is None else [(lead, near)]
 
 

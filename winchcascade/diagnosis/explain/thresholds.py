@@ -97,4 +97,5 @@ def _is_named(expansion: Expansion, name: str, share: float) -> bool:
     z = math.sqrt(max(float(step @ expansion.curve @ step) / expansion.evidence.scale, 0.0))
     seen = expansion.curve @ step * max(1.0 - SURELY / max(z, 1e-12), 0.0)
     injected = msgspec.structs.replace(expansion, value=free.absent, slope=seen, acting=())
-    return injected.rated((name,)) - injected.rated(()) > CLEARLY
+    rated = injected.rated([(), (name,)])
+    return rated[(name,)] - rated[()] > CLEARLY

@@ -15,6 +15,8 @@ from winchcascade.diagnosis.fit.suspects import Freedom, places_of, with_values
 from winchcascade.diagnosis.verdict_limits import CLEARLY
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from winchcascade.core.run import Signal
@@ -83,35 +85,46 @@ class Evidence(msgspec.Struct, frozen=True):
 
     def of(self, fit: Fit) -> float:
         """Logarithm of the evidence for a fit, up to a constant (Laplace)."""
-        prior = prior_of(fit.x, fit.free)
-        objective = (fit.loss - prior) / self.scale + prior
-        return self.weighed(fit.names, fit.x, fit.free, fit.curve, fit.slope, objective)
+        prior = float(prior_of(fit.x, fit.free))
+        objective = np.array([(fit.loss - prior) / self.scale + prior])
+        curve, slope = fit.curve[None], fit.slope[None]
+        (found,) = self.weighed([fit.names], fit.x[None], fit.free, curve, slope, objective)
+        return float(found)
 
     def weighed(
-        self, names: Names, x: Signal, free: Freedom, curve: Signal, slope: Signal, objective: float
-    ) -> float:
-        """Logarithm of the evidence for a set whose objective is known.
+        self,
+        sets: Sequence[Names],
+        x: Signal,
+        free: Freedom,
+        curve: Signal,
+        slope: Signal,
+        objective: Signal,
+    ) -> Signal:
+        """Logarithm of the evidence for each of some sets of equally many fields whose objective
+        is known, (m,).
 
         Parameters
         ----------
-        x, curve, slope : (k,) fields of the set in a row, and (k, k) the curvature of the objective
-            there and (k,) its slope downwards, both without their prior
+        x, curve, slope : (m, k) fields of each set in a row, and (m, k, k) the curvature of the
+            objective there and (m, k) its slope downwards, both without their prior
         """
         suspects, information = self.problem.suspects, curve / self.scale
         open_to = volume_within(x, free, information, slope / self.scale)
-        usual = usual_gain(suspects, names, x, free, information)
-        return usual - objective + open_to - sum(self.problem.price(name) for name in names)
+        each = zip(sets, x, np.broadcast_to(free.sd, x.shape), information, strict=True)
+        usual = np.array([usual_gain(suspects, *one) for one in each])
+        prices = np.array([sum(map(self.problem.price, names)) for names in sets])
+        return np.asarray(usual - objective + open_to - prices)
 
     def worth(self, fit: Fit) -> float:
         """Evidence by which sets of any size compare."""
         return self.of(fit) - CLEARLY * len(fit.names)
 
 
-def prior_of(x: Signal, free: Freedom) -> float:
-    """Part of the objective of the prior of some fields, (k,): normal about their absence, wide
-    as what is plausible.
+def prior_of(x: Signal, free: Freedom) -> Signal:
+    """Part of the objective of the prior of some fields, (...,) of (..., k): normal about their
+    absence, wide as what is plausible.
     """
-    return 0.5 * float(np.sum(((x - free.absent) / free.sd) ** 2))
+    return np.asarray(0.5 * np.sum(((x - free.absent) / free.sd) ** 2, axis=-1))
 
 
 def prior_beyond_range(fit: Fit) -> float:
@@ -119,64 +132,64 @@ def prior_beyond_range(fit: Fit) -> float:
     over that at the nearest end of the range; 0 within it.
     """
     within_range = np.clip(fit.x, fit.free.low, fit.free.high)
-    return prior_of(fit.x, fit.free) - prior_of(within_range, fit.free)
+    return float(prior_of(fit.x, fit.free) - prior_of(within_range, fit.free))
 
 
 def usual_gain(
-    suspects: Suspects, names: Names, x: Signal, free: Freedom, information: Signal
+    suspects: Suspects, names: Names, x: Signal, sd: Signal, information: Signal
 ) -> float:
     """Evidence that wrong entries gain or lose, as part of their prior lies at usual multiples and
     not even over their range.
 
     Parameters
     ----------
-    x, information : (k,) fields in a row, (k, k) what the data tell of them
+    x, sd, information : (k,) fields in a row and the standard deviations of their priors, (k, k)
+        what the data tell of them
     """
+    entries = {name: suspects[name].fields[0] for name in names}
+    usual = {name: one for name, one in entries.items() if one.role == "entry" and one.usual}
+    if not usual:
+        return 0.0
     gain, place = 0.0, places_of(suspects, names)
-    for name in names:
-        entry = suspects[name].fields[0]
-        if entry.role != "entry" or not entry.usual:
-            continue
+    variances = np.diag(np.linalg.inv(information + np.diag(sd**-2.0)))
+    for name, entry in usual.items():
         k = place[name].start
-        variance = float(np.linalg.inv(information + np.diag(free.sd**-2.0))[k, k])
         multiples = 1.0 + np.array(entry.usual)
-        sd = np.sqrt(variance + (entry.scatter * multiples) ** 2)
-        density = np.exp(-0.5 * ((1.0 + float(x[k]) - multiples) / sd) ** 2) / (
-            math.sqrt(2.0 * math.pi) * sd
+        spread = np.sqrt(variances[k] + (entry.scatter * multiples) ** 2)
+        density = np.exp(-0.5 * ((1.0 + x[k] - multiples) / spread) ** 2) / (
+            math.sqrt(2.0 * math.pi) * spread
         )
-        peaked = float(np.mean(density) * (free.high[k] - free.low[k]))
+        peaked = float(np.mean(density) * 2.0 * sd[k])
         gain += math.log(max((1.0 - entry.usual_share) + entry.usual_share * peaked, 1e-30))
     return gain
 
 
-def volume_within(x: Signal, free: Freedom, information: Signal, slope: Signal) -> float:
+def volume_within(x: Signal, free: Freedom, information: Signal, slope: Signal) -> Signal:
     """Logarithm of the volume that the posterior of some fields leaves open over that of their
-    prior, within what is possible.
+    prior, within what is possible, (...,).
 
     Both are normal and end at the bounds. The spread of each field is that with those before it
     known, the product of which is the volume where there are no bounds.
 
     Parameters
     ----------
-    information, slope : (k, k) and (k,) curvature of the objective and its slope downwards, without
-        the prior
+    x : (..., k)
+    information, slope : (..., k, k) and (..., k) curvature of the objective and its slope
+        downwards, without the prior
     """
-    if not x.size:
-        return 0.0
-    with_prior = np.eye(x.size) + information * np.outer(free.sd, free.sd)
-    narrower = np.diag(root_of(with_prior[::-1, ::-1]))[::-1]
-    spread, at = free.sd / narrower, ~within(x, free)
-    pull = np.where(at, (x - free.absent) / free.sd**2 - slope, 0.0)
+    sd = free.sd
+    with_prior = np.eye(x.shape[-1]) + information * sd[..., :, None] * sd[..., None, :]
+    narrower = _diagonal(root_of(with_prior[..., ::-1, ::-1]))[..., ::-1]
+    spread, at = sd / narrower, ~within(x, free)
+    pull = np.where(at, (x - free.absent) / sd**2 - slope, 0.0)
     posterior = log_mass(free.minimum - x, free.maximum - x, pull, spread)
-    prior = log_mass(
-        free.minimum - free.absent, free.maximum - free.absent, np.zeros(x.size), free.sd
-    )
-    return float(np.sum(posterior - prior - np.log(narrower)))
+    prior = log_mass(free.minimum - free.absent, free.maximum - free.absent, 0.0, sd)
+    return np.asarray(np.sum(posterior - prior - np.log(narrower), axis=-1))
 
 
-def log_mass(low: Signal, high: Signal, pull: Signal, spread: Signal) -> Signal:
+def log_mass(low: Signal, high: Signal, pull: Signal | float, spread: Signal) -> Signal:
     """Logarithm of the integral of exp(-pull t - (t / spread)^2 / 2) from `low` to `high` over
-    that of the normal, (k,).
+    that of the normal, (..., k).
     """
     from scipy.special import log_ndtr
 
@@ -187,41 +200,64 @@ def log_mass(low: Signal, high: Signal, pull: Signal, spread: Signal) -> Signal:
     return np.asarray(0.5 * shift**2 + more + np.log(-np.expm1(np.minimum(less - more, -ROUNDING))))
 
 
-def root_of(curve: Signal) -> Signal:
-    """Lower triangular root of a positive definite matrix, (k, k), also where rounding hides
-    that it is one.
+def _diagonal(matrices: Signal) -> Signal:
+    """Diagonals of some matrices, (..., k)."""
+    return np.diagonal(matrices, axis1=-2, axis2=-1)
+
+
+def _scaled(curve: Signal) -> tuple[Signal, Signal]:
+    """Positive definite matrices, (..., k, k), with a diagonal of 1 also where rounding hides that
+    they are definite, and what each row and column was divided by, (..., k).
     """
-    size = np.sqrt(np.diag(curve))
-    scaled = curve / np.outer(size, size) + ROUNDING * np.eye(size.size)
-    return np.asarray(size[:, None] * np.linalg.cholesky(scaled))
+    size = np.sqrt(_diagonal(curve))
+    scaled = curve / (size[..., :, None] * size[..., None, :])
+    return scaled + ROUNDING * np.eye(size.shape[-1]), size
+
+
+def root_of(curve: Signal) -> Signal:
+    """Lower triangular root of positive definite matrices, (..., k, k)."""
+    scaled, size = _scaled(curve)
+    return np.asarray(size[..., :, None] * np.linalg.cholesky(scaled))
 
 
 def minimum_within(curve: Signal, slope: Signal, low: Signal, high: Signal) -> Signal:
-    """Where x' curve x / 2 - slope' x is least within bounds, which may be infinite, (k,).
+    """Where x' curve x / 2 - slope' x is least within bounds, which may be infinite, (..., k).
 
     Which fields lie at a bound is guessed (Hintermueller, Ito and Kunisch 2003); in the rare case
     that no guess settles, the bounds are taken one by one.
     """
-    from scipy.optimize import lsq_linear
-
-    size = np.sqrt(np.diag(curve))
-    scaled, aim = curve / np.outer(size, size) + ROUNDING * np.eye(size.size), slope / size
-    below, above = low * size, high * size
-    at_low, at_high = np.zeros(size.size, dtype=bool), np.zeros(size.size, dtype=bool)
+    scaled, size = _scaled(curve)
+    aim, below, above = slope / size, low * size, high * size
+    now_low = now_high = np.zeros(aim.shape, dtype=bool)
     for _ in range(GUESSES):
-        x = np.where(at_low, below, np.where(at_high, above, 0.0))
-        free = np.flatnonzero(~(at_low | at_high))
-        x[free] = np.linalg.solve(scaled[np.ix_(free, free)], aim[free] - scaled[free] @ x)
-        force = aim - scaled @ x
+        at_low, at_high = now_low, now_high & ~now_low
+        held = at_low | at_high
+        fixed = np.where(at_low, below, np.where(at_high, above, 0.0))
+        rest = aim - (scaled @ fixed[..., None])[..., 0]
+        joined = held[..., :, None] | held[..., None, :]
+        x = np.linalg.solve(
+            np.where(joined, np.eye(held.shape[-1]), scaled),
+            np.where(held, fixed, rest)[..., None],
+        )[..., 0]
+        force = aim - (scaled @ x[..., None])[..., 0]
         now_low = np.where(at_low, force <= 0.0, x < below)
         now_high = np.where(at_high, force >= 0.0, x > above)
-        if np.array_equal(now_low, at_low) and np.array_equal(now_high, at_high):
-            return np.asarray(np.clip(x / size, low, high))
-        at_low, at_high = now_low, now_high & ~now_low
-    root = np.linalg.cholesky(scaled)
-    bounds = below - ROUNDING, above + ROUNDING
-    found = lsq_linear(root.T, np.linalg.solve(root, aim), bounds=bounds, method="bvls")
-    return np.asarray(np.clip(found.x / size, low, high))
+        unsettled = np.any((now_low != at_low) | (now_high != at_high), axis=-1)
+        if not unsettled.any():
+            break
+    for one in map(tuple, np.argwhere(unsettled)):
+        x[one] = _by_active_sets(scaled[one], aim[one], below[one], above[one])
+    return np.clip(x / size, low, high)
+
+
+def _by_active_sets(curve: Signal, slope: Signal, low: Signal, high: Signal) -> Signal:
+    """`minimum_within` of one matrix, (k,), bound by bound."""
+    from scipy.optimize import lsq_linear
+
+    root = np.linalg.cholesky(curve)
+    bounds = low - ROUNDING, high + ROUNDING
+    found = lsq_linear(root.T, np.linalg.solve(root, slope), bounds=bounds, method="bvls")
+    return np.asarray(found.x)
 
 
 def inside_of(fit: Fit) -> NDArray[np.bool_]:
@@ -230,6 +266,6 @@ def inside_of(fit: Fit) -> NDArray[np.bool_]:
 
 
 def within(x: Signal, free: Freedom) -> NDArray[np.bool_]:
-    """Whether fields, (k,), lie at none of the bounds of what is possible, (k,)."""
+    """Whether fields lie at none of the bounds of what is possible, (..., k)."""
     margin = 1e-9 * (free.high - free.low)
     return np.asarray((x > free.minimum + margin) & (x < free.maximum - margin))

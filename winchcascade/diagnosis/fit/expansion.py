@@ -5,7 +5,6 @@ is worth, in closed form.
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -18,7 +17,7 @@ from winchcascade.diagnosis.fit.suspects import Freedom, freedom, places_of
 from winchcascade.diagnosis.verdict_limits import CLEARLY, REACH
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.diagnosis_result import Names
@@ -70,40 +69,47 @@ class Expansion(msgspec.Struct, frozen=True):
         """Derivative of the residuals over the fields of some suspects, (n, k)."""
         return self.columns[:, self.index(names)]
 
-    def rated(self, names: Names) -> float:
-        """Closed-form evidence for a set, up to a constant."""
-        own, free, scale, size = self.index(names), self.free, self.evidence.scale, self.value.size
-        step, x = np.zeros(self.slope.size), self.value.copy()
-        gone = [name for name in self.acting if name not in names]
-        step[[size + self.acting.index(name) for name in gone]] = 1.0
-        x[self.index(tuple(gone))] = free.absent[self.index(tuple(gone))]
-        inside = np.ix_(own, own)
-        if own:
-            sd = free.sd[own]
-            slope = (self.slope[own] - self.curve[own] @ step) / scale - (x - free.absent)[
-                own
-            ] / sd**2
-            bounds = free.minimum[own] - x[own], free.maximum[own] - x[own]
-            step[own] = minimum_within(
-                self.curve[inside] / scale + np.diag(sd**-2.0), slope, *bounds
-            )
-            x[own] += step[own]
-        objective = (
-            0.5 * float(step @ self.curve @ step) - float(self.slope @ step)
-        ) / scale + prior_of(x, free)
-        left = self.slope[own] - self.curve[own] @ step
-        return self.evidence.weighed(
-            names, x[own], free.some(own), self.curve[inside], left, objective
-        )
+    def rated(self, sets: Iterable[Names]) -> dict[Names, float]:
+        """Closed-form evidence for some sets, up to a constant."""
+        by_size: dict[int, list[Names]] = {}
+        for names in sets:
+            by_size.setdefault(len(self.index(names)), []).append(names)
+        return {
+            names: found
+            for alike in by_size.values()
+            for names, found in zip(alike, self._rated(alike).tolist(), strict=True)
+        }
+
+    def _rated(self, sets: Sequence[Names]) -> Signal:
+        """Closed-form evidence for each of some sets of equally many fields, (m,)."""
+        own = np.array([self.index(names) for names in sets], dtype=np.intp)
+        gone = np.array([[name not in names for name in self.acting] for names in sets], dtype=bool)
+        scale, free, row = self.evidence.scale, self.free.some(own), np.arange(len(sets))[:, None]
+        step, x = np.zeros((len(sets), self.slope.size)), np.tile(self.value, (len(sets), 1))
+        step[:, self.value.size : self.value.size + len(self.acting)] = gone
+        for name, without in zip(self.acting, gone.T, strict=True):
+            x[without, self.place[name]] = self.free.absent[self.place[name]]
+        sd, inside = free.sd, self.curve[own[:, :, None], own[:, None, :]]
+        slope = (self.slope - step @ self.curve)[row, own] / scale
+        slope -= (x[row, own] - free.absent) / sd**2
+        prior = sd[:, :, None] ** -2.0 * np.eye(own.shape[1])
+        bounds = free.minimum - x[row, own], free.maximum - x[row, own]
+        step[row, own] = minimum_within(inside / scale + prior, slope, *bounds)
+        x[row, own] += step[row, own]
+        curved = step @ self.curve
+        objective = np.sum(0.5 * curved * step - self.slope * step, axis=1) / scale
+        left = (self.slope - curved)[row, own]
+        objective += prior_of(x, self.free)
+        return self.evidence.weighed(sets, x[row, own], free, inside, left, objective)
 
     def refitted(self, marginal: Marginal, names: Names, best: Fit) -> Fit:
         """The fit of another set, begun from the fit that this is expanded about."""
         start, columns = start_of(best), self.over(names)
         return fit_set(self.evidence.problem, marginal, names, start, columns, -math.inf)
 
-    def worth(self, names: Names) -> float:
+    def worth(self, sets: Iterable[Names]) -> dict[Names, float]:
         """Closed-form evidence by which sets of any size compare."""
-        return self.rated(names) - CLEARLY * len(names)
+        return {names: rated - CLEARLY * len(names) for names, rated in self.rated(sets).items()}
 
 
 def begun_at(
@@ -157,33 +163,38 @@ def expanded(problem: Problem, marginal: Marginal, begin: Fit, fit: Fit, scale: 
     return Expansion(Evidence(problem, scale), columns, curve, slope, value, free, place, names)
 
 
-def neighbours(expansion: Expansion, names: Names) -> list[Names]:
-    """Sets near to one in the order of their closed-form worth: pruned, one cause swapped, grown by
-    one or two causes, or by as many as are worth it.
+def neighbours(expansion: Expansion, names: Names) -> dict[Names, float]:
+    """Sets near to one with their closed-form worth, best first: pruned, one cause swapped, grown
+    by one or two causes, or by as many as are worth it.
     """
-    worth = cache(expansion.worth)
     others = [name for name in expansion.place if name not in names]
     pruned = [_without(names, gone) for gone in names]
     swapped = [_with(kept, name) for kept in pruned for name in others]
     grown = [_with(names, name) for name in others]
-    first = sorted(grown, key=worth, reverse=True)[:PAIRED]
+    worth = expansion.worth({names, *pruned, *swapped, *grown})
+    first = sorted(grown, key=worth.__getitem__, reverse=True)[:PAIRED]
     twice = {_with(one, name) for one in first for name in others if name not in one}
-    further = _grown_further(max(sorted(twice), key=worth), others, worth) if twice else []
-    near = {names, *pruned, *swapped, *grown, *twice, *further}
-    return sorted(sorted(near), key=worth, reverse=True)
+    worth |= expansion.worth(twice)
+    if twice:
+        worth |= _grown_further(expansion, max(sorted(twice), key=worth.__getitem__), worth)
+    return dict(sorted(sorted(worth.items()), key=lambda one: one[1], reverse=True))
 
 
 def _grown_further(
-    names: Names, others: Sequence[str], worth: Callable[[Names], float]
-) -> list[Names]:
-    """Sets that grow from one by the best further cause in turn, as long as it is worth it."""
-    found = [names]
-    while further := [_with(found[-1], name) for name in others if name not in found[-1]]:
-        best = max(further, key=worth)
-        if worth(best) <= worth(found[-1]):
+    expansion: Expansion, names: Names, worth: Mapping[Names, float]
+) -> dict[Names, float]:
+    """Sets that grow from one by the best further cause in turn, as long as it is worth it, with
+    their worth.
+    """
+    found, least = {}, worth[names]
+    while further := expansion.worth(
+        _with(names, name) for name in expansion.place if name not in names
+    ):
+        names = max(further, key=further.__getitem__)
+        if further[names] <= least:
             break
-        found.append(best)
-    return found[1:]
+        found[names] = least = further[names]
+    return found
 
 
 def _with(names: Names, name: str) -> Names:

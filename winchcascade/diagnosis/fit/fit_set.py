@@ -98,7 +98,7 @@ def located(problem: Problem, marginal: Marginal, names: Names, x: Signal) -> Fi
     effects = [with_values(suspects[name], x[own]) for name, own in place.items()]
     given = marginal.centred(problem.residuals([effects], marginal.place)[:, 0])
     r = marginal(given)
-    loss, unknown = huber(r) + prior_of(x, free), np.zeros(x.size)
+    loss, unknown = huber(r) + float(prior_of(x, free)), np.zeros(x.size)
     return Fit(names, place, x, loss, r, np.zeros((x.size, x.size)), unknown, free, given, r, r)
 
 
@@ -121,7 +121,7 @@ def _best_step(fit: Fit, columns: Signal) -> tuple[Signal, float]:
         curve = weighted.T @ columns + np.diag(free.sd**-2.0)
         further = step + minimum_within(curve, slope, free.minimum - x, free.maximum - x)
         left = fit.r + columns @ further
-        now = huber(left) + prior_of(fit.x + further, free)
+        now = huber(left) + float(prior_of(fit.x + further, free))
         if loss - now < WORTHWHILE:
             break
         step, r, loss = further, left, now

@@ -140,7 +140,8 @@ class Found(msgspec.Struct, frozen=True):
     def _foresees_more(self, known: Fit) -> bool:
         """Whether the expansion about the best foresees clearly more of a set than its fit has."""
         expansion, evidence, best = self.expansion, self.evidence, self.best
-        foreseen = expansion.rated(known.names) - expansion.rated(best.names)
+        rated = expansion.rated([known.names, best.names])
+        foreseen = rated[known.names] - rated[best.names]
         return foreseen > evidence.of(known) - evidence.of(best) + DOUBTFUL
 
     def allowed(self, names: Names) -> bool:
@@ -310,14 +311,15 @@ def _promising(found: Found, expansion: Expansion) -> list[Names]:
     worth = {names: evidence.worth(fit) for names, fit in found.sets().items()}
     level, best = evidence.worth(found.fits[here]), max(worth.values())
     least = best - max(NEARLY * (best - level), DOUBTFUL)
-    known = expansion.worth(max(worth, key=worth.__getitem__))
+    top, near = max(worth, key=worth.__getitem__), neighbours(expansion, here)
+    known = expansion.worth([top])[top]
     chosen: list[Names] = []
-    for names in neighbours(expansion, here):
-        foreseen = level + expansion.worth(names) - expansion.worth(here)
+    for names, there in near.items():
+        foreseen = level + there - near[here]
         if len(chosen) == REFITTED or foreseen <= least:
             break
         unknown = foreseen > worth.get(names, -math.inf) + DOUBTFUL and names not in found.centres
-        if unknown and expansion.worth(names) > known - DOUBTFUL and found.allowed(names):
+        if unknown and there > known - DOUBTFUL and found.allowed(names):
             chosen.append(names)
     return chosen
 
@@ -328,8 +330,8 @@ def _single_starts(found: Found) -> list[Fit]:
     """
     null, evidence = found.centres[()], weighing(found)
     expansion = msgspec.structs.replace(null.expansion, evidence=evidence)
-    names = sorted(((name,) for name in found.problem.suspects), key=expansion.rated, reverse=True)
-    for one in names[:SINGLES]:
+    rated = expansion.rated((name,) for name in found.problem.suspects)
+    for one in sorted(rated, key=rated.__getitem__, reverse=True)[:SINGLES]:
         if one not in found.fits:
             found.fits[one] = expansion.refitted(null.marginal, one, null.fit)
     others = [fit for fit in found.singles() if fit.names not in found.centres]

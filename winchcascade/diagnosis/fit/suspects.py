@@ -10,7 +10,7 @@ from itertools import pairwise
 import msgspec
 import numpy as np
 
-from winchcascade.core.run import Signal
+from winchcascade.core.run import Index, Signal
 from winchcascade.rig.effects.effect import ActiveEffect, Effect
 
 Suspects = Mapping[str, Effect]
@@ -18,7 +18,7 @@ Suspects = Mapping[str, Effect]
 
 
 class Freedom(msgspec.Struct, frozen=True):
-    """Fields of some suspects, (k,) each: values where the effects are absent, ends `low` and
+    """Fields of some suspects, (..., k) each: values where the effects are absent, ends `low` and
     `high` of what is plausible, and the bounds `minimum` and `maximum` of what is physically
     possible.
     """
@@ -34,8 +34,8 @@ class Freedom(msgspec.Struct, frozen=True):
         """Standard deviation of the prior: half of the plausible range. [unit of the field]"""
         return np.asarray(0.5 * (self.high - self.low))
 
-    def some(self, own: Sequence[int]) -> Freedom:
-        """Those of some numbers."""
+    def some(self, own: Sequence[int] | Index) -> Freedom:
+        """Those of some numbers, a row of them or several."""
         arrays = (self.absent, self.low, self.high, self.minimum, self.maximum)
         return Freedom(*(array[own] for array in arrays))
 

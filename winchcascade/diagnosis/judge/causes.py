@@ -297,11 +297,11 @@ def _look_alikes(found: Found, name: str, without: Fit) -> list[LookAlike]:
     others = [other for other in problem.suspects if other not in best.names]
     same = [other for other in others if same_in_logs(name, other)]
     together = [other for other in others if are_together(problem.exclusive, name, other)]
+    swaps = {other: swap(best.names, name, other) for other in others if other not in same}
+    rated = expansion.rated([best.names, *swaps.values()])
     foreseen: dict[str, float] = {}
-    for other in (other for other in others if other not in same):
-        foreseen[other] = expansion.rated(best.names) - expansion.rated(
-            swap(best.names, name, other)
-        )
+    for other, swapped in swaps.items():
+        foreseen[other] = rated[best.names] - rated[swapped]
         if is_entry(name) or is_entry(other):
             foreseen[other] += problem.price(name) - problem.price(other)
     near = [other for other in foreseen if foreseen[other] < 4.0 * AS_GOOD]
@@ -330,7 +330,7 @@ def _short_by_fit(found: Found, fit: Fit, other: str, is_together: bool) -> floa
     wrong entry. [nats]
     """
     suspects = found.problem.suspects
-    usual = usual_gain(suspects, fit.names, fit.x, fit.free, fit.curve / found.scale)
+    usual = usual_gain(suspects, fit.names, fit.x, fit.free.sd, fit.curve / found.scale)
     unusual = -min(usual, 0.0)
     short = (fit.loss - found.best.loss) / found.scale + unusual
     if not is_together:

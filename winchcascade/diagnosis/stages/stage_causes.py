@@ -127,9 +127,8 @@ def _look_alikes(fit: StageFit, name: str) -> tuple[Alternative, ...]:
             if other not in chosen:
                 best.setdefault(other, names)
     swaps = {other: swap(chosen, name, other) for other in fit.data.names if other not in chosen}
-    near = sorted(swaps, key=lambda other: -found.expansion.rated(swaps[other]))[
-        :ALTERNATIVES_FITTED
-    ]
+    rated = found.expansion.rated(swaps.values())
+    near = sorted(swaps, key=lambda other: -rated[swaps[other]])[:ALTERNATIVES_FITTED]
     for other in near:
         if found.fit(swaps[other]).loss - found.best.loss <= AS_GOOD * found.scale:
             best.setdefault(other, swaps[other])
@@ -206,7 +205,8 @@ def plan(fit: StageFit, causes: tuple[NamedCause, ...]) -> Experiment | None:
     ]
     if not swaps or data.beside_model:
         return None
-    swapped, name, other = max(swaps, key=lambda one: fit.found.expansion.rated(one[0]))
+    rated = fit.found.expansion.rated(names for names, _, _ in swaps)
+    swapped, name, other = max(swaps, key=lambda one: rated[one[0]])
     tried = {
         pair: _significance(fit, fit.found.fit(swapped), *pair)
         for pair in product(SCALES_TRIED, SCALES_TRIED)

@@ -307,8 +307,7 @@ def fit_of(data: StageData) -> StageFit:
     problem = StageProblem(data.suspects, rows, noise.fold, frozenset(known))
     found = linear_search(problem, pruned=not data.beside_model)
     sets = _sets(data.names, found)
-    evidence = {names: found.expansion.rated(names) for names in sets}
-    return StageFit(data, noise, rows, found, probabilities(evidence))
+    return StageFit(data, noise, rows, found, probabilities(found.expansion.rated(sets)))
 
 
 def linear_search(problem: StageProblem, *, pruned: bool = True) -> Found:
@@ -329,10 +328,8 @@ def linear_search(problem: StageProblem, *, pruned: bool = True) -> Found:
     )
     expansion = msgspec.structs.replace(expansion, evidence=Evidence(problem, full.scale))
     begins = [(), _pruned(expansion, every)] if pruned else [()]
-    best = max(
-        (_climbed(expansion, begin) for begin in begins),
-        key=expansion.worth,
-    )
+    worth = expansion.worth([_climbed(expansion, begin) for begin in begins])
+    best = max(worth, key=worth.__getitem__)
     for _ in range(ROUNDS):
         fit, expansion = expand(
             problem, marginal, best, _least_squares(problem, marginal, best), full.scale
@@ -378,8 +375,10 @@ def _least_squares(problem: StageProblem, marginal: Marginal, names: Names) -> d
 def _pruned(expansion: Expansion, names: Names) -> Names:
     """A set without the suspects that its closed form does not need, one after the other."""
     while names:
-        fewer = max((tuple(n for n in names if n != gone) for gone in names), key=expansion.worth)
-        if expansion.worth(fewer) < expansion.worth(names):
+        worth = expansion.worth([names, *(tuple(n for n in names if n != gone) for gone in names)])
+        least = worth.pop(names)
+        fewer = max(worth, key=worth.__getitem__)
+        if worth[fewer] < least:
             return names
         names = fewer
     return names
@@ -387,7 +386,7 @@ def _pruned(expansion: Expansion, names: Names) -> Names:
 
 def _climbed(expansion: Expansion, names: Names) -> Names:
     """The best set by the closed form that single steps lead to from another."""
-    while (top := neighbours(expansion, names)[0]) != tuple(sorted(names)):
+    while (top := next(iter(neighbours(expansion, names)))) != tuple(sorted(names)):
         names = top
     return tuple(sorted(names))
 
