@@ -49,7 +49,7 @@ from winchcascade.diagnosis.fit.entries import bound_to
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.nuisances import before_calibration
 from winchcascade.diagnosis.fit.rig_problem import RigProblem
-from winchcascade.diagnosis.fit.search import Found, search, weighing
+from winchcascade.diagnosis.fit.search import Found, opened, search, weighing
 from winchcascade.diagnosis.fit.undetermined import Direction, alike, undetermined
 from winchcascade.diagnosis.judge.alarms import SIGNS, Judged, ringing
 from winchcascade.diagnosis.judge.causes import (
@@ -232,14 +232,22 @@ def _check_channels(data: Fitted) -> None:
         )
 
 
+NOISE_TAKEN = 2
+"""Number of times at most that the noise in ramps is taken: of the first set that is found, and of
+the best one where this is another. [1]"""
+
+
 def _searched(problem: RigProblem, on_progress: OnProgress) -> tuple[Fitted, Found]:
     """What a search finds, with the scatter of its residual within slow ramps as noise."""
-    data, found = problem.data, search(problem, on_progress)
-    fitted = data.predict(found.best.nu, found.best.effects(problem.suspects))
-    calmed = data.with_ramps(data.measured - fitted)
-    if calmed is None:
-        return data, found
-    return calmed, search(msgspec.structs.replace(problem, data=calmed), on_progress, found)
+    data, found = problem.data, opened(problem, on_progress)
+    for _ in range(NOISE_TAKEN):
+        lead = found.top
+        residual = data.measured - data.predict(lead.nu, lead.effects(problem.suspects))
+        with_noise = msgspec.structs.replace(problem, data=data.with_ramps(residual))
+        found = search(with_noise, on_progress, found)
+        if found.best.names == lead.names:
+            break
+    return with_noise.data, found
 
 
 def _singles(found: Found, held_out: HeldOut) -> tuple[SingleEffect, ...]:

@@ -130,9 +130,9 @@ class Fitted:
         by_load = sorted(self.taking, key=lambda k: self.logs[k].load)
         return sorted({by_load[0], by_load[-1]})
 
-    def with_ramps(self, residual: Signal) -> Fitted | None:
-        """The logs with the scatter of a residual within slow ramps, (M, 5), as noise; None
-        where it is no more than noise.
+    def with_ramps(self, residual: Signal) -> Fitted:
+        """The logs with the scatter of a residual within slow ramps, (M, 5), as noise; these
+        themselves where it is no more than noise.
         """
         logs = []
         for log, rows in zip(self.logs, self.rows, strict=True):
@@ -147,7 +147,7 @@ class Fitted:
             np.array_equal(new.noise.own, old.noise.own)
             for new, old in zip(logs, self.logs, strict=True)
         ):
-            return None
+            return self
         found = copy(self)
         found.logs = logs
         found._take_noise()

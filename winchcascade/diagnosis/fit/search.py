@@ -109,6 +109,11 @@ class Found(msgspec.Struct, frozen=True):
         """What was searched."""
         return self.expansion.evidence.problem
 
+    @property
+    def top(self) -> Fit:
+        """The fit that is worth the most of those that may be the best."""
+        return max(self.sets().values(), key=weighing(self).worth)
+
     def columns(self, fit: Fit) -> Signal:
         """Derivative of the residuals over the fields of a fit, (n, k), taken anew for one that is
         not the best.
@@ -185,6 +190,29 @@ class Found(msgspec.Struct, frozen=True):
         )
 
 
+def opened(problem: Problem, on_progress: Callable[[str], None] = lambda _: None) -> Found:
+    """A search at its begin: expanded where no suspect acts, with fits of the most promising sets
+    near to that.
+
+    Parameters
+    ----------
+    on_progress : called with a sentence on each step
+    """
+    marginal = marginal_about(problem, [], np.zeros(problem.nuisances))
+    given = fit_set(problem, marginal, ())
+    if np.max(np.abs(given.nu), initial=0.0) > NEAR_ZERO:
+        marginal = marginal_about(problem, [], given.nu)
+    found = _at_none(problem, marginal)
+    _fit_near(found, found.centres[()], on_progress)
+    return found
+
+
+def _at_none(problem: Problem, marginal: Marginal) -> Found:
+    """A search that knows nothing but where no suspect acts."""
+    null, expansion = expand(problem, marginal, (), {}, 1.0)
+    return Found(null, {(): null}, expansion, marginal, {(): Centre(null, expansion, marginal)})
+
+
 def search(
     problem: Problem,
     on_progress: Callable[[str], None] = lambda _: None,
@@ -198,34 +226,19 @@ def search(
     Parameters
     ----------
     on_progress : called with a sentence on each step
-    before : what a search of nearly the same problem found: the path from none begins at its best
-        set
+    before : a search to go on from, of this problem or of one with another noise: of that, the best
+        set is the first one here
     """
-    marginal = _marginal_of_none(problem, before)
-    null, expansion = expand(problem, marginal, (), {}, 1.0)
-    found = Found(null, {(): null}, expansion, marginal, {(): Centre(null, expansion, marginal)})
-    begin = found.centres[()]
-    if before is not None and before.best.names:
-        begin = found.about(before.best)
-    _go(found, begin, on_progress)
+    found = before = before or opened(problem, on_progress)
+    if before.problem != problem:
+        place = before.centres[()].marginal.place
+        found = _at_none(problem, marginal_about(problem, [], place))
+    _go(found, found.centres.get(before.top.names) or found.about(before.top), on_progress)
     found = gone_on(found, on_progress)
     for fit in _single_starts(found):
         if fit.names not in found.centres:
             _go(found, found.about(fit), on_progress)
     return _settled(gone_on(found, on_progress), on_progress)
-
-
-def _marginal_of_none(problem: Problem, before: Found | None) -> Marginal:
-    """The nuisances integrated out where no suspect acts: where another search has taken their
-    derivatives, or else near their best place.
-    """
-    if before is not None:
-        return marginal_about(problem, [], before.centres[()].marginal.place)
-    marginal = marginal_about(problem, [], np.zeros(problem.nuisances))
-    given = fit_set(problem, marginal, ())
-    if np.max(np.abs(given.nu), initial=0.0) > NEAR_ZERO:
-        marginal = marginal_about(problem, [], given.nu)
-    return marginal
 
 
 def _settled(found: Found, on_progress: Callable[[str], None]) -> Found:
@@ -245,7 +258,7 @@ def gone_on(found: Found, on_progress: Callable[[str], None] = lambda _: None) -
     """A search led by its best set, and gone on from each set with more evidence that was fitted
     and not yet expanded about.
     """
-    while (top := max(found.sets().values(), key=weighing(found).worth)).names not in found.centres:
+    while (top := found.top).names not in found.centres:
         if _is_hopeless(top):
             break
         _go(found, found.about(top), on_progress)
@@ -254,41 +267,45 @@ def gone_on(found: Found, on_progress: Callable[[str], None] = lambda _: None) -
 
 
 def _go(found: Found, last: Centre, on_progress: Callable[[str], None]) -> None:
-    """Go from a set to the best one near it, and on from this, as long as it was not there.
-
-    Round by round, sets near to the last one are screened in closed form and the most promising
-    refitted. If one of these is worth more, the nuisances are expanded anew about it, and it is the
-    next.
+    """Go from a set to the best one near it, and on from this, as long as it was not there; the
+    nuisances are expanded anew about each.
     """
-    problem, fits = found.problem, found.fits
     while not _is_hopeless(last.fit):
-        evidence = weighing(found)
-        best = max(fits.values(), key=evidence.worth)
-        on_progress(
-            f"{len(found.centres)} sets expanded, best so far: {', '.join(best.names) or 'none'}"
-        )
-        expansion = msgspec.structs.replace(last.expansion, evidence=evidence)
-        near = {
-            names: expansion.refitted(last.marginal, names, last.fit)
-            for names in _promising(found, expansion)
-        }
-        if near and not last.fit.names:
-            far = {one.names: one for one in _far_starts(problem, last.marginal)}
-            near |= {
-                names: one
-                for names, one in far.items()
-                if names not in near or one.loss < near[names].loss
-            }
-        evidence = _weighing(problem, [*fits.values(), *near.values()])
-        fits |= {
-            names: one
-            for names, one in near.items()
-            if names not in fits or _is_more(evidence, one, fits[names])
-        }
-        top = max((last.fit, *(fits[names] for names in near)), key=evidence.worth)
+        top = _fit_near(found, last, on_progress)
         if top.names in found.centres:
             return
         last = found.about(top)
+
+
+def _fit_near(found: Found, last: Centre, on_progress: Callable[[str], None]) -> Fit:
+    """Refit the most promising of the sets near to one, as they are screened in closed form; the
+    fit that is worth the most of these and of that.
+    """
+    problem, fits = found.problem, found.fits
+    evidence = weighing(found)
+    best = max(fits.values(), key=evidence.worth)
+    on_progress(
+        f"{len(found.centres)} sets expanded, best so far: {', '.join(best.names) or 'none'}"
+    )
+    expansion = msgspec.structs.replace(last.expansion, evidence=evidence)
+    near = {
+        names: expansion.refitted(last.marginal, names, last.fit)
+        for names in _promising(found, expansion)
+    }
+    if near and not last.fit.names:
+        far = {one.names: one for one in _far_starts(problem, last.marginal)}
+        near |= {
+            names: one
+            for names, one in far.items()
+            if names not in near or one.loss < near[names].loss
+        }
+    evidence = _weighing(problem, [*fits.values(), *near.values()])
+    fits |= {
+        names: one
+        for names, one in near.items()
+        if names not in fits or _is_more(evidence, one, fits[names])
+    }
+    return max((last.fit, *(fits[names] for names in near)), key=evidence.worth)
 
 
 def _is_more(evidence: Evidence, fit: Fit, other: Fit) -> bool:
