@@ -82,7 +82,8 @@ def blended_table(averaged: float, uncommutated: float) -> Signal:
     return blended
 
 
-@njit(cache=True, error_model="numpy", fastmath=FASTMATH)
+# inline, as all of the table: a call takes longer than what it does
+@njit(cache=True, error_model="numpy", inline="always", fastmath=FASTMATH)
 def _weights(x: float) -> tuple[float, float, float, float]:
     """Weights of four points in a row for a place between the middle two, 0 to 1 (Keys 1981, a =
     -1/2).
@@ -95,7 +96,7 @@ def _weights(x: float) -> tuple[float, float, float, float]:
     )
 
 
-@njit(cache=True, error_model="numpy", fastmath=FASTMATH)
+@njit(cache=True, error_model="numpy", inline="always", fastmath=FASTMATH)
 def _slopes(x: float) -> tuple[float, float, float, float]:
     """Derivatives of `_weights`."""
     return (
@@ -106,7 +107,7 @@ def _slopes(x: float) -> tuple[float, float, float, float]:
     )
 
 
-@njit(cache=True, error_model="numpy", fastmath=FASTMATH)
+@njit(cache=True, error_model="numpy", inline="always", fastmath=FASTMATH)
 def bridge_state(
     v_total: float, v_ll: float, r_s: float, reactance: float, table: Signal
 ) -> tuple[float, float, float, float]:
@@ -129,7 +130,7 @@ def bridge_state(
         return 0.0, 0.0, 0.0, 0.0
     rows, columns = table.shape[0] - 3, table.shape[1] - 3
     root = math.sqrt(1.0 - max(v_total, 0.0) / (_SQRT2 * v_ll))
-    s, phi = root * rows, (math.atan2(r_s, reactance) - PHI_LOW) * columns / (PHI_HIGH - PHI_LOW)
+    s, phi = root * rows, (math.atan(r_s / reactance) - PHI_LOW) * columns / (PHI_HIGH - PHI_LOW)
     i, j = min(int(s), rows - 1), min(max(int(phi), 0), columns - 1)
     across, rise, along = _weights(s - i), _slopes(s - i), _weights(min(max(phi - j, 0.0), 1.0))
     i_dc = i_s = up_dc = up_s = 0.0

@@ -210,7 +210,8 @@ def weakened_bridge(
     return i_b + by_b * steep * last, now + last, min(b_total, 0.0), s_total, b_full, s_full
 
 
-@njit(cache=True, error_model="numpy", fastmath=FASTMATH)
+# inline: as above
+@njit(cache=True, error_model="numpy", inline="always", fastmath=FASTMATH)
 def _turned(
     speeds: tuple[float, float, float],
     twist: float,
