@@ -193,10 +193,8 @@ def _known_by(data: Fitted, found: Found, fit: Fit, taking: Signal) -> Signal:
         of_a_log[fit.place[name]] = log_of(effect) >= 0
     prior = np.diag([*fit.free.sd**-2.0, *np.ones(len(data.nuisances))])
     rows = np.repeat(taking, len(CHANNELS))
-    own, others = (
-        np.where(of_a_log, fields, fields * rows[:, None]),
-        found.marginal.columns.masked(rows),
-    )
-    across = others.onto(own)
-    information = np.block([[own.T @ own, across.T], [across, others.squared()]])
+    own = np.where(of_a_log, fields, fields * rows[:, None])
+    others = found.marginal.masked(rows)
+    across = others.columns.onto(own)
+    information = np.block([[own.T @ own, across.T], [across, others.information]])
     return np.asarray(np.linalg.inv(information / found.scale + prior))

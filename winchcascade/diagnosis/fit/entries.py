@@ -5,7 +5,7 @@ campaign, and their prior.
 from __future__ import annotations
 
 import math
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -132,6 +132,7 @@ def _load_ratio(run: Run, load: float) -> float:
 
 
 # -------------------------------------------------------------------------------------- the prior
+@cache
 def price_of(suspect: str) -> float:
     """Logarithm of the prior odds against a cause [1].
 

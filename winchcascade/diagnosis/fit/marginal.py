@@ -155,7 +155,8 @@ class Problem(Protocol):
 
 
 class Marginal:
-    """The nuisances of a problem, integrated out.
+    """The nuisances of a problem, integrated out; `information` (q, q) is what the residuals tell
+    of them.
 
     Parameters
     ----------
@@ -166,7 +167,8 @@ class Marginal:
     def __init__(self, place: Signal, columns: Columns) -> None:
         columns = columns.usable()
         self.place, self.columns, self._moved = place, columns, columns @ place
-        square, ways = np.linalg.eigh(columns.squared())
+        self.information = columns.squared()
+        square, ways = np.linalg.eigh(self.information)
         keep = (
             square > IDLE * max(float(square[-1]), 1e-300)
             if square.size
@@ -229,6 +231,8 @@ class Marginal:
         """The same with each row times a weight, (n,); 0 for what takes no part. It is kept:
         many sets are held out alike.
         """
+        if np.all(rows == 1.0):
+            return self
         which = blake2b(rows.tobytes()).digest()
         if which not in self._masked:
             self._masked[which] = Marginal(self.place, self.columns.masked(rows))
