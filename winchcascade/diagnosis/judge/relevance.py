@@ -58,11 +58,14 @@ def changes_of_means(data: Fitted, moved: Signal) -> Iterator[tuple[int, int, in
     ----------
     moved : as in `share_of_plateau`
     """
-    level = plateaus_of(data)
-    for log, k, phase, here in data.cells():
-        if here.size and np.max(level[here, k]) > 0.0:
-            plateau = max(float(np.max(level[here, k])), 1e-12)
-            yield log, k, phase, float(np.mean(moved[here, k])) / plateau
+    seen, place = data.seen, (np.repeat(np.arange(len(data.sizes)), data.sizes), data.blocks.phase)
+    count, total, plateau = np.zeros((3, len(data.sizes), len(PHASES), len(CHANNELS)))
+    np.add.at(count, place, seen)
+    np.add.at(total, place, np.where(seen, moved, 0.0))
+    np.maximum.at(plateau, place, np.where(seen, plateaus_of(data), 0.0))
+    change = total / np.maximum(count, 1.0) / np.maximum(plateau, 1e-12)
+    for log, phase, k in np.argwhere(plateau > 0.0).tolist():
+        yield log, k, phase, float(change[log, phase, k])
 
 
 def minor_of(
