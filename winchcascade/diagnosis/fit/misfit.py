@@ -105,6 +105,7 @@ class Fitted:
             self._of_kind.setdefault(n.kind, []).append((j, n))
         self._deviations = self._places_of_deviations()
         self._places = Places()
+        self.moved_locally = self._local_columns()
         self._take_noise()
 
     def _take_noise(self) -> None:
@@ -115,7 +116,7 @@ class Fitted:
         taking = [k not in self.withheld for k in range(len(self.logs))]
         noises = [log.noise for log in self.logs]
         self.whitener = whitener_of(noises, taking, self.blocks.joined)
-        self.local = self.whitener @ self._local_columns()
+        self.local = self.whitener @ self.moved_locally
 
     @property
     def taking(self) -> list[int]:
