@@ -156,17 +156,17 @@ def foresee(
     at = runs.nearby(here).at
     by_field = _whitened(runs, (there - at[:, :, None]) / np.array([step for *_, step in fields]))
     columns = runs.columns(*here).usable()
-    nuisances = np.hstack([columns.dense, columns.local.toarray()])
     zero = np.array([n.kind == "zero" for n in runs.nuisances])
     carried = prospect.carried_beside(len(fields))
     new = ~(carried.any(axis=1) | np.append(np.zeros(len(fields), dtype=bool), zero))
     root = _root_of(carried @ known.covariance @ carried.T + np.diag(new.astype(np.float64)))
-    open_ = np.hstack([by_field, nuisances]) @ root
+    open_ = by_field @ root[: len(fields)] + columns @ root[len(fields) :]
     nothing: tuple[Signal, list[Signal]] = at, []
     other, others = nothing if true is None else _beside(prospect, known, true)
     both = np.column_stack([runs.whiten(other - at), open_]) / math.sqrt(scale)
     laws = [*_of_laws(acting, [name for name, *_ in fields], by_field), *others]
-    own = np.column_stack([nuisances[:, zero], *(LAW * law for law in laws)]) / math.sqrt(scale)
+    zeros = columns.local[:, zero[runs.simulated :]].toarray()
+    own = np.column_stack([zeros, *(LAW * law for law in laws)]) / math.sqrt(scale)
     rows = [slice(len(CHANNELS) * one.start, len(CHANNELS) * one.stop) for one in runs.rows]
     return Foreseen(np.array([_integrated(both[one], own[one]) for one in rows]), root)
 
