@@ -146,7 +146,7 @@ def _read(
             )
             for name, x in run.channels.items()
         }
-        return quantities_of(msgspec.structs.replace(run, channels=channels), one.rig, one.windows)
+        return quantities_of(run, one.rig, one.windows, channels)
 
     quantities = without(errors.values(), nothing)
     if covariance is None or not errors:

@@ -37,7 +37,6 @@ from winchcascade.diagnosis.fit.suspects import varied
 from winchcascade.diagnosis.verdict_limits import LAW
 
 if TYPE_CHECKING:
-
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.fit.evidence import Fit
     from winchcascade.diagnosis.fit.misfit import Fitted
