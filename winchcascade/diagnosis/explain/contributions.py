@@ -106,7 +106,11 @@ class Ways(NamedTuple):
 
 
 def ways_of(data: Fitted, suspects: Suspects, best: Fit, names: Names) -> Ways:
-    """What moves the accounts of a fit with some of its causes."""
+    """What moves the accounts of a fit with some of its causes.
+
+    Fields move by derivatives of this place: a fit without the logs of a load leaves some of them
+    so open that it magnifies what those of another place miss.
+    """
     acting = best.acting(suspects)
     fields = [
         (owner, place, [moved if other == name else acting[other] for other in names], step)
@@ -117,7 +121,8 @@ def ways_of(data: Fitted, suspects: Suspects, best: Fit, names: Names) -> Ways:
     ]
     here = best.nu, [acting[name] for name in names]
     by_nuisance = data.tolerances(*here)
-    by_field = data.predictions_near(here, [(best.nu, effects) for _, _, effects, _ in fields])
+    variants = [(best.nu, effects) for _, _, effects, _ in fields]
+    by_field = data.predictions_near(here, variants, serves=0.0)
     return Ways(
         np.concatenate([by_field - data.nearby(here).at[:, :, None], by_nuisance], axis=2),
         np.array([*(field[3] for field in fields), *np.ones(data.simulated)]),
