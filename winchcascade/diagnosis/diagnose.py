@@ -31,6 +31,7 @@ from winchcascade.diagnosis.explain.contributions import (
     by_cost,
     contributions_of,
     efficiency_changes,
+    quantities_by,
     reordered,
     without,
 )
@@ -353,6 +354,7 @@ def judged(result: ModelDiagnosis, on_progress: OnProgress) -> ModelDiagnosis:
 def _thresholds(result: ModelDiagnosis, logs: Sequence[WindowedLog]) -> tuple[Threshold, ...]:
     """How large each effect would have to be to be named in logs that need none."""
     data, nu = result.data, result.found.best.nu
+    before = quantities_by(data, nu, [], logs)
 
     def relevance(effect: ActiveEffect) -> float:
         moved = (
@@ -361,7 +363,7 @@ def _thresholds(result: ModelDiagnosis, logs: Sequence[WindowedLog]) -> tuple[Th
         size = largest_change(data, (), moved)[0]
         if size >= 1.0:
             return size
-        changes = efficiency_changes(data, nu, effect, logs)
+        changes = efficiency_changes(logs, before, quantities_by(data, nu, [effect], logs))
         return largest_change(data, changes, np.zeros_like(data.noise))[0]
 
     return thresholds(result.found, relevance)

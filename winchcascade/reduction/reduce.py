@@ -266,14 +266,20 @@ def first_metrics(run: Run, rig: Rig, window: float | None = None) -> Metrics:
     return Metrics((), rig.cascade.all_metrics)
 
 
-def metrics_within(run: Run, rig: Rig, windows: Signal) -> list[Metrics]:
+def metrics_within(
+    run: Run, rig: Rig, windows: Signal, channels: Mapping[str, Signal] | None = None
+) -> list[Metrics]:
     """Metrics of a run within each of some windows, (k, 2) [s]; None where the run cannot give one.
 
     A ratio above 1 or below 0 is given as it is, as the error of a model with effects is to be
     known.
+
+    Parameters
+    ----------
+    channels : (n,) each, those of the run by default
     """
     streams, nothing = (
-        rig.cascade.streams(run.channels, rig.r_drum),
+        rig.cascade.streams(channels or run.channels, rig.r_drum),
         dict.fromkeys(rig.cascade.energies),
     )
     columns, known = (

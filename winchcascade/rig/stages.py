@@ -7,6 +7,7 @@ downstream. A rig with only some of the stages is compared in these.
 
 import math
 from collections.abc import Callable, Mapping
+from functools import cache, partial
 from typing import Literal, get_args
 
 import msgspec
@@ -26,6 +27,17 @@ Stage = Literal["restoring", "transmission", "gearbox", "generator", "load"]
 
 STAGES: tuple[str, ...] = get_args(Stage)
 """Stages in their order from the line to the load."""
+
+OF_LINE, OF_SHAFT = ("winch", "restoring"), ("winch", "drivetrain", "generator", "dc_link")
+
+PARTS_OF: dict[Stage, tuple[str, ...]] = {
+    "restoring": OF_LINE,
+    "transmission": OF_LINE,
+    "gearbox": OF_SHAFT,
+    "generator": OF_SHAFT,
+    "load": ("dc_link",),
+}
+"""Parts of the model on whose numbers each stage depends."""
 
 MOVING = 3.0
 """Multiple of the speed in which friction turns below which it only bounds the force, and the
@@ -102,7 +114,9 @@ def along(run: Run, motion: LineMotion, ramp: float, clutch: Signal) -> Along:
     return Along(motion, ramp, x, v, a, (carries == 1.0) & (v > MOVING * motion.rest))
 
 
-def outputs_along(run: Run, model: Model, course: Along) -> tuple[StageOutput, ...]:
+def outputs_along(
+    run: Run, model: Model, course: Along, by: str | None = None
+) -> tuple[StageOutput, ...]:
     """Compute the output of each stage of a rig from its own measured inputs, in order from the
     line to the load.
 
@@ -121,23 +135,26 @@ def outputs_along(run: Run, model: Model, course: Along) -> tuple[StageOutput, .
     Parameters
     ----------
     course : motion of the log, as `along` lays it onto the stamps
+    by : name of a channel or part of the model on which a stage that is computed depends, by
+        default that of any
     """
     gas = ("pressure",) if model.restoring.has_gas else ()
     of_line = ("velocity", "force", *gas)
     of_shaft = ("velocity", "vdc") if run.open_circuit else ("velocity", "vdc", "idc")
     seen, resistance = _seen(run, model), load_of(run) * (1.0 + model.dc_link.load_change)
-    drive = drive_along(run, model, course)
+    drive = cache(partial(drive_along, run, model, course))
     laws: tuple[tuple[Stage, str, tuple[str, ...], Callable[[], Signal]], ...] = (
         ("restoring", "pressure", ("velocity",), lambda: _pressure(run, model, course.motion)),
         ("transmission", "torque", of_line, lambda: _torque_of_line(model, course, seen)),
-        ("gearbox", "torque", of_shaft, lambda: _torque_of_shaft(model, course, drive)),
-        ("generator", "vdc", of_shaft, lambda: _voltage(model, course, drive)),
+        ("gearbox", "torque", of_shaft, lambda: _torque_of_shaft(model, course, drive())),
+        ("generator", "vdc", of_shaft, lambda: _voltage(model, course, drive())),
         ("load", "idc", ("vdc",), lambda: seen["vdc"] / resistance),
     )
     return tuple(
         StageOutput(stage, channel, inputs, model.sensors.recorded(channel, run.t, law()))
         for stage, channel, inputs, law in laws
         if set(inputs) <= set(run.channels)
+        and (by is None or by in {channel, *inputs, *PARTS_OF[stage]})
         and (stage != "load" or math.isfinite(resistance))
         and (stage != "restoring" or gas)
     )

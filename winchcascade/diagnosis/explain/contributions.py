@@ -106,7 +106,11 @@ class Ways(NamedTuple):
 
 
 def ways_of(data: Fitted, suspects: Suspects, best: Fit, names: Names) -> Ways:
-    """What moves the accounts of a fit with some of its causes."""
+    """What moves the accounts of a fit with some of its causes.
+
+    Fields move by derivatives of this place: a fit without the logs of a load leaves some of them
+    so open that it magnifies what those of another place miss.
+    """
     acting = best.acting(suspects)
     fields = [
         (owner, place, [moved if other == name else acting[other] for other in names], step)
@@ -117,7 +121,8 @@ def ways_of(data: Fitted, suspects: Suspects, best: Fit, names: Names) -> Ways:
     ]
     here = best.nu, [acting[name] for name in names]
     by_nuisance = data.tolerances(*here)
-    by_field = data.predictions_near(here, [(best.nu, effects) for _, _, effects, _ in fields])
+    variants = [(best.nu, effects) for _, _, effects, _ in fields]
+    by_field = data.predictions_near(here, variants, serves=0.0)
     return Ways(
         np.concatenate([by_field - data.nearby(here).at[:, :, None], by_nuisance], axis=2),
         np.array([*(field[3] for field in fields), *np.ones(data.simulated)]),
@@ -337,26 +342,27 @@ def with_uncertain_laws(accounts: Accounts, loaded: Mask, discrepancy: float) ->
     return u
 
 
-def efficiency_changes(
-    data: Fitted, nu: Signal, effect: ActiveEffect, logs: Sequence[WindowedLog]
-) -> list[LargestChange]:
-    """What one effect changes of each efficiency of each run by the model.
+def quantities_by(
+    data: Fitted, nu: Signal, effects: Sequence[ActiveEffect], logs: Sequence[WindowedLog]
+) -> list[Signal]:
+    """Quantities of every run by the model, (14,) each.
 
     Parameters
     ----------
-    nu : nuisances of the fit without it
+    nu : nuisances of the fit
     logs : as for `contributions_of`
     """
-    models = data.models(nu, []), data.models(nu, [effect])
-    skew, zeros = data.skew(nu), data.zeros(nu)
+    models, skew, zeros = data.models(nu, effects), data.skew(nu), data.zeros(nu)
+    jobs = [partial(one.simulated, models[one.number], skew, zeros[one.number]) for one in logs]
+    return all_at_once(jobs, data.sizes)
 
-    def change(one: WindowedLog) -> list[LargestChange]:
-        k = one.number
-        before, after = (one.simulated(own[k], skew, zeros[k]) for own in models)
-        return _changes(one, after - before)
 
-    each = all_at_once([partial(change, one) for one in logs], data.sizes)
-    return [one for own in each for one in own]
+def efficiency_changes(
+    logs: Sequence[WindowedLog], before: Sequence[Signal], after: Sequence[Signal]
+) -> list[LargestChange]:
+    """What changes of each efficiency of each run, between two lists of `quantities_by`."""
+    several = zip(logs, before, after, strict=True)
+    return [one for log, old, new in several for one in _changes(log, new - old)]
 
 
 def kind_of(effect: Effect) -> ContributionKind:

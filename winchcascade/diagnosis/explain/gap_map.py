@@ -147,7 +147,8 @@ class Deviations(msgspec.Struct, frozen=True):
 
     `simulated` are the channels of the model driven by that motion. `gaps` are measured minus
     predicted outputs by stage, (n,), `of_laws` those of the simulation, whose stages are not
-    quasi-static, and `moved` the gaps with a nuisance moved by one standard uncertainty.
+    quasi-static, and `moved` the gaps with a nuisance moved by one standard uncertainty, of the
+    stages that depend on it.
     """
 
     run: Run
@@ -177,9 +178,9 @@ def deviations(data: Fitted, number: int, moved: Mapping[int, Model]) -> Deviati
     changes: dict[Nuisance, dict[str, Signal]] = {}
     for j, n in enumerate(data.nuisances):
         if n.kind in READ and n.name in run.channels and n.log in (-1, number):
-            changes[n] = gaps_of(misread(run, n.name, n.kind, n.sd), model, path)
+            changes[n] = gaps_of(misread(run, n.name, n.kind, n.sd), model, path, n.name)
         elif n.kind in MODELLED and (n.kind != "load" or n.load == log.load):
-            changes[n] = gaps_of(run, moved[j], path)
+            changes[n] = gaps_of(run, moved[j], path, n.path.split(".")[0])
     both = gaps_of(run, model, path), gaps_of(made, model, path)
     return Deviations(run, simulated, blocks, path, *both, changes)
 
@@ -203,7 +204,8 @@ def _of_a_log(data: Fitted, number: int, moved: Mapping[int, Model], spread: Sig
     for output in outputs_along(made.run, data.nominal, made.path):
         if (stage := output.stage) in made.gaps:
             gap = made.gaps[stage] - made.of_laws[stage]
-            own = {n: by[stage] - made.gaps[stage] for n, by in made.moved.items()}
+            changed = {n: by[stage] for n, by in made.moved.items() if stage in by}
+            own = {n: gaps - made.gaps[stage] for n, gaps in changed.items()}
             of_model = spread[:, CHANNELS.index(output.channel)]
             placed = _places(made.run, made.blocks, output, gap, own, of_model)
             found += [msgspec.structs.replace(one, log=number) for one in placed]
@@ -238,11 +240,13 @@ def _thinned(log: Log) -> tuple[Run, Blocks]:
     return thinned, msgspec.structs.replace(blocks, start=start, stop=stop)
 
 
-def gaps_of(run: Run, model: Model, path: Along) -> dict[str, Signal]:
-    """Measured minus predicted output of each stage, (n,); NaN where the stage predicts nothing."""
+def gaps_of(run: Run, model: Model, path: Along, by: str | None = None) -> dict[str, Signal]:
+    """Measured minus predicted output of each stage, (n,), or of those that depend on a channel or
+    part of the model; NaN where the stage predicts nothing.
+    """
     return {
         o.stage: run.channels[o.channel] - o.predicted
-        for o in outputs_along(run, model, path)
+        for o in outputs_along(run, model, path, by)
         if o.channel in run.channels
     }
 

@@ -24,9 +24,6 @@ SURELY = 1.28
 named then.
 """
 
-HALVINGS = 24
-"""Rounds of halving in which the smallest share of a range is found."""
-
 
 class Threshold(msgspec.Struct, frozen=True):
     """The size from which nine of ten effects would be named: `value` of the reported number in its
@@ -42,7 +39,7 @@ class Threshold(msgspec.Struct, frozen=True):
 def not_visible(found: Found) -> Names:
     """Effects beside the best set that these logs would not show at any plausible size."""
     others = (name for name in found.problem.suspects if name not in found.best.names)
-    return tuple(name for name in others if not _is_named(found.expansion, name, 1.0))
+    return tuple(name for name in others if _beyond(found.expansion, name, 1.0) <= 0.0)
 
 
 def thresholds(found: Found, relevance: Callable[[ActiveEffect], float]) -> tuple[Threshold, ...]:
@@ -73,22 +70,25 @@ def thresholds(found: Found, relevance: Callable[[ActiveEffect], float]) -> tupl
     return tuple(rows)
 
 
+PRECISE = 1e-6
+"""Share of itself to which the smallest share of a range is found. [1]"""
+
+
 def _smallest_share(expansion: Expansion, name: str) -> float | None:
-    """Share of the way from absent to the far end of its range at which an effect is named, by
-    halving; None beyond that.
+    """Share of the way from absent to the far end of its range at which an effect is named; None
+    beyond that.
     """
-    if not _is_named(expansion, name, 1.0):
+    from scipy.optimize import brentq
+
+    if _beyond(expansion, name, 1.0) <= 0.0:
         return None
-    low, high = 0.0, 1.0
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if _is_named(expansion, name, middle) else (middle, high)
-    return high
+    return float(brentq(lambda share: _beyond(expansion, name, share), 0.0, 1.0, rtol=PRECISE))
 
 
-def _is_named(expansion: Expansion, name: str, share: float) -> bool:
-    """Whether logs with a share of an effect, as the expansion foresees them, have clearly more
-    evidence for it than for nothing, also where noise makes it look smaller.
+def _beyond(expansion: Expansion, name: str, share: float) -> float:
+    """By how much logs with a share of an effect, as the expansion foresees them, have more
+    evidence for it than for nothing, also where noise makes it look smaller, beyond what names
+    it. [nats]
     """
     free, step = expansion.free, np.zeros_like(expansion.slope)
     up, down = free.high - free.absent, free.low - free.absent
@@ -98,4 +98,4 @@ def _is_named(expansion: Expansion, name: str, share: float) -> bool:
     seen = expansion.curve @ step * max(1.0 - SURELY / max(z, 1e-12), 0.0)
     injected = msgspec.structs.replace(expansion, value=free.absent, slope=seen, acting=())
     rated = injected.rated([(), (name,)])
-    return rated[(name,)] - rated[()] > CLEARLY
+    return rated[(name,)] - rated[()] - CLEARLY

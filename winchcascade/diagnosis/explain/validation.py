@@ -29,7 +29,6 @@ from winchcascade.diagnosis.fit.suspects import varied
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.reduction.uncertainty import budget
-from winchcascade.rig.simulate import simulate
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -58,11 +57,10 @@ class Compared(msgspec.Struct, frozen=True):
 
 class Validated(msgspec.Struct, frozen=True):
     """One quantity of one run, a mean over its integration windows: `measured` D with its
-    uncertainty `u_d`, that of the numerical solution `u_num` (the largest share in the runs of the
-    extreme loads), and the simulations: `before` by the
-    rig file within its tolerances, `after` by the corrected rig, of a fit without the logs of this
-    load where it is `held_out`; None without a cause. `speed` is the mean of the plateaus, None
-    without one. SI units.
+    uncertainty `u_d`, that of the numerical solution `u_num`, its change where the step is 2.5
+    times as long, and the simulations: `before` by the rig file within its tolerances, `after` by
+    the corrected rig, of a fit without the logs of this load where it is `held_out`; None without a
+    cause. `speed` is the mean of the plateaus, None without one. SI units.
     """
 
     log: int
@@ -107,9 +105,8 @@ def validation_of(
     def of_run(one: WindowedLog) -> list[Validated]:
         fit = held_out.get(one.number)
         read = _read(data, found, fit or found.best, one, covariance)
-        return _of_run(data, found, fit, one, inputs[one.number], read, numerical)
+        return _of_run(data, found, fit, one, inputs[one.number], read)
 
-    numerical = np.max([_numerical(data, logs[k]) for k in data.extreme_loads], axis=0)
     jobs = [partial(of_run, one) for one in logs]
     return tuple(one for own in all_at_once(jobs, data.sizes) for one in own)
 
@@ -149,7 +146,7 @@ def _read(
             )
             for name, x in run.channels.items()
         }
-        return quantities_of(msgspec.structs.replace(run, channels=channels), one.rig, one.windows)
+        return quantities_of(run, one.rig, one.windows, channels)
 
     quantities = without(errors.values(), nothing)
     if covariance is None or not errors:
@@ -181,22 +178,18 @@ def _of_run(
     one: WindowedLog,
     inputs: Signal,
     read: Read,
-    numerical: Signal,
 ) -> list[Validated]:
-    """Every metric of one run that the log gives.
-
-    Parameters
-    ----------
-    numerical : (14,) share of each quantity that is uncertain by its numerical solution [1]
-    """
+    """Every metric of one run that the log gives."""
     nothing, k, fit = np.zeros(len(data.nuisances)), one.number, held_out or found.best
     no_skew = no_zero = np.zeros(len(CHANNELS))
     measured = read.quantities
-    before = one.simulated(without_sensors(data.models(nothing, [])[k]), no_skew, no_zero)
+    as_given = without_sensors(data.models(nothing, [])[k])
+    finely = one.log.at_stamps(as_given, no_skew, no_zero)
+    before, coarsely = (one.quantities(x) for x in (finely, finely - one.log.offset_at_stamps))
     of_inputs = np.where([n.kind in INPUTS for n in data.nuisances], fit.nu, 0.0)
     corrected = without_sensors(data.models(of_inputs, fit.effects(found.problem.suspects))[k])
     after = one.simulated(corrected, no_skew, no_zero) if fit.names else None
-    u_d, u_num = _of_the_data(one, read), numerical * np.abs(before)
+    u_d, u_num = _of_the_data(one, read), np.abs(before - coarsely)
     rows = []
     for name in METRICS:
         q = QUANTITIES.index(name)
@@ -267,18 +260,3 @@ def _of_a_lag(source: ErrorSource | None, fs: float) -> float:
     if source is None or source.basis != "relation":
         return 1.0
     return min(math.sqrt(2.0) * SKEW / (fs * source.u), 1.0)
-
-
-def _numerical(data: Fitted, one: WindowedLog) -> Signal:
-    """Change of each quantity where the step of the simulation is halved, as a share of it, (14,).
-    [1]
-    """
-    run = one.log.run
-    whole, half = (
-        quantities_of(
-            simulate(run, data.nominal.physics, step=part * one.log.step).run, one.rig, one.windows
-        )
-        for part in (1.0, 0.5)
-    )
-    change, size = np.nan_to_num(np.abs(half - whole)), np.nan_to_num(np.abs(whole))
-    return np.asarray(np.divide(change, size, out=np.zeros_like(size), where=size > 0.0))

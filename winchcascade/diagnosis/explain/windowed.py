@@ -6,7 +6,6 @@ import math
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
-import msgspec
 import numpy as np
 
 from winchcascade.core.errors import OptionError
@@ -20,7 +19,7 @@ from winchcascade.reduction.phase_summary import mean_plateau_speed
 from winchcascade.reduction.reduce import metrics_within, reduce
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
@@ -33,19 +32,26 @@ QUANTITIES = (*METRICS, *CHANNELS)
 
 
 # ----------------------------------------------------------------------------- metrics of one run
-def quantities_of(run: Run, rig: Rig, windows: Signal) -> Signal:
+def quantities_of(
+    run: Run, rig: Rig, windows: Signal, channels: Mapping[str, Signal] | None = None
+) -> Signal:
     """Means over the windows, (k, 2) [s], of each of `QUANTITIES`, (14,) SI units; NaN for what
     the run cannot give.
+
+    Parameters
+    ----------
+    channels : (n,) each, those of the run by default
     """
     if not windows.size:
         return np.full(len(QUANTITIES), math.nan)
-    cycles = [list(one.values()) for one in metrics_within(run, rig, windows)]
-    known = [k for k, name in enumerate(CHANNELS) if name in run.channels]
-    channels = np.full(len(CHANNELS), math.nan)
-    channels[known] = means_of(
-        run.t, [run.channels[CHANNELS[k]].__getitem__ for k in known], windows
+    channels = channels or run.channels
+    cycles = [list(one.values()) for one in metrics_within(run, rig, windows, channels)]
+    known = [k for k, name in enumerate(CHANNELS) if name in channels]
+    means = np.full(len(CHANNELS), math.nan)
+    means[known] = means_of(
+        run.t, [channels[CHANNELS[k]].__getitem__ for k in known], windows
     ).mean(axis=1)
-    return np.concatenate([np.mean(np.array(cycles, dtype=np.float64), axis=0), channels])
+    return np.concatenate([np.mean(np.array(cycles, dtype=np.float64), axis=0), means])
 
 
 def reduction_of(
@@ -97,12 +103,9 @@ class WindowedLog(NamedTuple):
 
     def quantities(self, read: Signal) -> Signal:
         """What `quantities_of` gives for readings at the stamps of the log, (14,) from (n, 5)."""
-        channels = dict(zip(CHANNELS, read.T, strict=True))
-        run = self.log.run
+        run, channels = self.log.run, dict(zip(CHANNELS, read.T, strict=True))
         channels["velocity"] = run.channels["velocity"]
-        return quantities_of(
-            msgspec.structs.replace(run, channels=channels), self.rig, self.windows
-        )
+        return quantities_of(run, self.rig, self.windows, channels)
 
 
 def windowed_logs(data: Fitted, windows: Sequence[float | None] | None = None) -> list[WindowedLog]:

@@ -65,6 +65,13 @@ class Blocks(msgspec.Struct, frozen=True):
         """Samples of each block."""
         return (self.stop - self.start).astype(np.float64)
 
+    @property
+    def members(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Block of each sample that one has, and number of the sample, block after block, (k,)."""
+        length = self.stop - self.start
+        owner = np.repeat(np.arange(self.size), length)
+        return owner, np.arange(owner.size) + (self.stop - np.cumsum(length))[owner]
+
     def some(self, here: NDArray[np.bool_] | NDArray[np.intp]) -> Blocks:
         """The blocks that are `here`."""
         return Blocks(*(field[here] for field in msgspec.structs.astuple(self)))
@@ -77,22 +84,18 @@ class Blocks(msgspec.Struct, frozen=True):
     def spread(self, x: Signal, size: int) -> Signal:
         """Values of the blocks, (m, ...), at each of their samples, (size, ...); 0 outside."""
         found = np.zeros((size, *x.shape[1:]))
-        for begin, end, value in zip(self.start, self.stop, x, strict=True):
-            found[begin:end] = value
+        owner, samples = self.members
+        found[samples] = x[owner]
         return found
 
     def scatter(self, x: Signal) -> Signal:
         """Standard deviation of a signal within each block, about its straight line, (m,) in its
         unit.
         """
-        number = np.repeat(np.arange(self.size), self.stop - self.start)
-        samples = np.concatenate(
-            [np.arange(a, b) for a, b in zip(self.start, self.stop, strict=True)]
-        )
-        place = samples - np.repeat(0.5 * (self.start + self.stop - 1), self.stop - self.start)
-        value = x[samples]
+        owner, samples = self.members
+        place, value = samples - 0.5 * (self.start + self.stop - 1)[owner], x[samples]
         sums = [
-            np.bincount(number, w, self.size) for w in (value, value**2, place * value, place**2)
+            np.bincount(owner, w, self.size) for w in (value, value**2, place * value, place**2)
         ]
         squares = sums[1] - sums[0] ** 2 / self.count - sums[2] ** 2 / np.maximum(sums[3], 1e-12)
         return np.asarray(np.sqrt(np.maximum(squares, 0.0) / np.maximum(self.count - 2.0, 1.0)))

@@ -5,6 +5,7 @@ independent.
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -96,9 +97,18 @@ def joint_covariance(found: Found, fit: Fit | None = None) -> Signal:
     n, k + n): these follow the fields, and scatter about that as the data and their tolerances
     leave them.
     """
-    fit, marginal = fit or found.best, found.marginal
-    columns = found.columns(fit)
-    fields = covariance_of(found, fit, columns)
+    fit = fit or found.best
+    return _joint(found, fit, found.columns(fit))
+
+
+def _joint(found: Found, fit: Fit, columns: Signal) -> Signal:
+    """Covariance as `joint_covariance` gives it.
+
+    Parameters
+    ----------
+    columns : as for `covariance_of`
+    """
+    marginal, fields = found.marginal, covariance_of(found, fit, columns)
     follow = marginal.spread @ marginal.columns.onto(marginal.undone(columns))
     both = fields @ follow.T
     return np.block([[fields, both], [both.T, follow @ both + marginal.spread_in(found.scale)]])
@@ -137,16 +147,17 @@ def predictive_covariance(data: Fitted, found: Found, fit: Fit | None = None) ->
     of the square remains.
     """
     fit = fit or found.best
-    known, share = _known_and_found(data, found, fit)
+    columns = found.columns(fit)
+    known, share = _known_and_found(data, found, fit, columns)
     excess = np.concatenate([np.zeros(fit.x.size), 1.0 - share])
-    return np.asarray(joint_covariance(found, fit) - (known * excess) @ known)
+    return np.asarray(_joint(found, fit, columns) - (known * excess) @ known)
 
 
 def voltage_of_a_load(data: Fitted, found: Found) -> float:
     """Standard deviation of Vdc in payout at one load beside that at all, as a share of its
     plateau: of the discrepancy of the model, with the size that the best fit finds. [1]
     """
-    _, share = _known_and_found(data, found, found.best)
+    _, share = _known_and_found(data, found, found.best, found.columns(found.best))
     squares: dict[float, float] = {}
     for n, own in zip(data.nuisances, share, strict=True):
         if (n.kind, n.name, n.phase) == ("discrepancy", "vdc", PHASES[PAYOUT]):
@@ -154,11 +165,14 @@ def voltage_of_a_load(data: Fitted, found: Found) -> float:
     return math.sqrt(max((x for load, x in squares.items() if math.isfinite(load)), default=0.0))
 
 
-def _known_and_found(data: Fitted, found: Found, fit: Fit) -> tuple[Signal, Signal]:
+def _known_and_found(
+    data: Fitted, found: Found, fit: Fit, columns: Signal
+) -> tuple[Signal, Signal]:
     """Covariance of a fit by least squares, (k + n, k + n), and the variance of each nuisance over
     the one that is allowed, (n,).
     """
-    known, count = _known_by(data, found, fit, np.ones(data.blocks.size)), len(data.nuisances)
+    known = _known_by(data, found, fit, columns, np.ones(data.blocks.size))
+    count = len(data.nuisances)
     return known, discrepancy_found(data, fit.nu, 1.0 - np.diag(known)[-count:])
 
 
@@ -171,23 +185,21 @@ def covariances_without(
     What concerns one log alone stays as it is known, and a field at a bound stays there.
     """
     of_blocks = np.repeat([log.load for log in data.logs], data.sizes)
-    known = _known_by(data, found, found.best, np.ones(of_blocks.size))
-    left = predictive_covariance(data, found) - known
-    return {
-        load: left + _known_by(data, found, found.best, (of_blocks != load).astype(np.float64))
-        for load in loads
-    }
+    known_by = partial(_known_by, data, found, found.best, found.columns(found.best))
+    left = predictive_covariance(data, found) - known_by(np.ones(of_blocks.size))
+    return {load: left + known_by((of_blocks != load).astype(np.float64)) for load in loads}
 
 
-def _known_by(data: Fitted, found: Found, fit: Fit, taking: Signal) -> Signal:
+def _known_by(data: Fitted, found: Found, fit: Fit, columns: Signal, taking: Signal) -> Signal:
     """Covariance of the fields of a fit and then of its nuisances by least squares, (k + n, k + n);
     a field at a bound stays there.
 
     Parameters
     ----------
+    columns : as for `covariance_of`
     taking : (M,) weight of each block; fields of one log alone keep all of theirs
     """
-    fields = -found.marginal.undone(found.columns(fit)) * inside_of(fit)
+    fields = -found.marginal.undone(columns) * inside_of(fit)
     of_a_log = np.zeros(fit.x.size, dtype=bool)
     for name, effect in fit.acting(found.problem.suspects).items():
         of_a_log[fit.place[name]] = log_of(effect) >= 0

@@ -208,22 +208,21 @@ class Marginal:
         """The inverse, C^(1/2) r, (n, ...)."""
         return np.asarray(r + self.columns @ (self._stretch @ self.columns.onto(r)))
 
-    def best(self, z: Signal, reach: float = np.inf) -> tuple[Signal, Signal]:
+    def best(self, z: Signal, begin: Signal | None = None) -> tuple[Signal, Signal]:
         """Nuisances that explain whitened residuals best, and what they leave: each step descends.
 
         Parameters
         ----------
-        reach : bound of the magnitude of a nuisance, in units of its tolerance
+        begin : nuisances from which the steps lead, 0 by default
         """
-        nu, left, loss = np.zeros(self.spread.shape[0]), z, np.inf
+        nu = np.zeros(self.spread.shape[0]) if begin is None else begin
+        left, loss = z - self.columns @ nu, np.inf
         for _ in range(ROUNDS):
             now = huber(left) + 0.5 * float(nu @ nu)
             if loss - now < SETTLED:
                 break
             loss = now
-            nu = np.clip(
-                nu + self.spread @ (self.columns.onto(weights(left) * left) - nu), -reach, reach
-            )
+            nu = nu + self.spread @ (self.columns.onto(weights(left) * left) - nu)
             left = z - self.columns @ nu
         return nu, left
 

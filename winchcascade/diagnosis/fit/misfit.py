@@ -105,6 +105,7 @@ class Fitted:
             self._of_kind.setdefault(n.kind, []).append((j, n))
         self._deviations = self._places_of_deviations()
         self._places = Places()
+        self.moved_locally = self._local_columns()
         self._take_noise()
 
     def _take_noise(self) -> None:
@@ -115,7 +116,7 @@ class Fitted:
         taking = [k not in self.withheld for k in range(len(self.logs))]
         noises = [log.noise for log in self.logs]
         self.whitener = whitener_of(noises, taking, self.blocks.joined)
-        self.local = self.whitener @ self._local_columns()
+        self.local = self.whitener @ self.moved_locally
 
     @property
     def taking(self) -> list[int]:
@@ -395,7 +396,9 @@ class Fitted:
         shape = self.measured.size, len(local)
         places, columns, values = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)], [np.zeros(0)]
         for j, n in enumerate(local):
-            for number in [n.log] if n.kind == "zero" else range(len(self.logs)):
+            everywhere = enumerate(self.logs)
+            of_load = [k for k, log in everywhere if math.isnan(n.load) or log.load == n.load]
+            for number in [n.log] if n.kind == "zero" else of_load:
                 blocks, moved = self._moved_by(n, number)
                 cells = (self.rows[number].start + blocks) * len(CHANNELS)
                 places.append(cells + CHANNELS.index(n.name))
@@ -412,8 +415,7 @@ class Fitted:
         phase = log.course.blocks.phase
         if n.kind == "zero":
             return np.arange(phase.size), np.ones(phase.size)
-        of_load = log.load == n.load or math.isnan(n.load)
-        here = np.flatnonzero((phase == PHASES.index(n.phase)) & of_load)
+        here = np.flatnonzero(phase == PHASES.index(n.phase))
         return here, log.courses[here, CHANNELS.index(n.name), COURSES.index(n.course)]
 
 

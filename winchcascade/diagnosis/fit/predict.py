@@ -180,10 +180,7 @@ def _averaging(run: Run, blocks: Blocks, grid: Signal) -> csr_array:
     """
     from scipy.sparse import csr_array
 
-    samples = np.concatenate(
-        [np.arange(a, b) for a, b in zip(blocks.start, blocks.stop, strict=True)]
-    )
-    row = np.repeat(np.arange(blocks.size), blocks.stop - blocks.start)
+    row, samples = blocks.members
     before, share = _places(run.t[samples], grid)
     weight = 1.0 / blocks.count[row]
     data = np.concatenate((weight * (1.0 - share), weight * share))

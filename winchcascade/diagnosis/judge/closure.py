@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -68,8 +69,9 @@ def close(data: Fitted, found: Found, fit: Fit, withheld: Sequence[int], seed: i
     withheld : numbers of logs; of those that take part in the fit the logs of each load are held
         out in turn
     """
-    suspects, predictions = found.problem.suspects, dict[int, Fit]()
+    suspects, predictions, nu = found.problem.suspects, dict[int, Fit](), fit.nu
     best = fit if fit is found.best else located(found.problem, found.marginal, fit.names, fit.x)
+    moved = found.marginal.undone(found.expansion.over(best.names))
     after = np.full_like(data.measured, math.nan)
     for here, held in predicted_together(data, withheld):
         fit = best
@@ -81,7 +83,7 @@ def close(data: Fitted, found: Found, fit: Fit, withheld: Sequence[int], seed: i
             # a wrong entry of a log shows in this log alone
             known = [one for one in acting.values() if log_of(one) in here]
             names = tuple(name for name, one in acting.items() if one not in known)
-            fit = _without(found, best, names, rows.ravel())
+            fit = _without(found, best, names, rows.ravel(), moved, nu)
         predicted = data.predict(_of_the_rig(data, fit), [*fit.effects(suspects), *known], here)
         after[held] = data.measured[held] - predicted[np.isin(_blocks_of(data, here), held)]
         predictions |= dict.fromkeys(here, fit)
@@ -90,20 +92,27 @@ def close(data: Fitted, found: Found, fit: Fit, withheld: Sequence[int], seed: i
     return closure_between(data, data.gap(data.stated), after, predictions, seed)
 
 
-def _without(found: Found, fit: Fit, names: Names, rows: Signal) -> Fit:
+def _without(
+    found: Found, fit: Fit, names: Names, rows: Signal, moved: Signal, begin: Signal
+) -> Fit:
     """Numbers of some suspects of a fit and nuisances, by the residuals with some weights, (n,),
     and near the fit.
 
     The prior is about the fit, and not about the absence of the suspects.
+
+    Parameters
+    ----------
+    moved : (n, k) derivative of the whitened residuals over the fields of the fit
+    begin : nuisances near to those that are sought, in units of their tolerance
     """
     fields = [k for name in names for k in range(fit.x.size)[fit.place[name]]]
-    moved = found.marginal.undone(found.expansion.over(names))
     marginal, free, x = found.marginal.masked(rows), fit.free.some(fields), fit.x[fields]
+    moved = moved[:, fields]
     columns, r = marginal(moved * rows[:, None]), marginal(fit.given * rows)
     weighted = columns * weights(r)[:, None]
     curve = weighted.T @ columns + np.diag(free.sd**-2.0)
     step = minimum_within(curve, -weighted.T @ r, free.minimum - x, free.maximum - x)
-    nu, _ = marginal.best((fit.given + moved @ step) * rows)
+    nu, _ = marginal.best((fit.given + moved @ step) * rows, begin)
     place = places_of(found.problem.suspects, names)
     return msgspec.structs.replace(fit, names=names, place=place, x=x + step, free=free, nu=nu)
 
@@ -236,14 +245,19 @@ def _resampled(by_log: Sequence[Signal], seed: int) -> Signal:
     ----------
     by_log : what exceeds noise in the cycles of each log, (3, cycles) as `_excess` gives it
     """
-    rng, sizes = np.random.default_rng(seed), [excess.shape[1] for excess in by_log]
-    first = np.cumsum([0, *sizes])
+    chosen = _choices(tuple(excess.shape[1] for excess in by_log), seed)
+    return _share_of(np.hstack(by_log)[:, chosen].sum(axis=2))
+
+
+@lru_cache(maxsize=2)
+def _choices(sizes: tuple[int, ...], seed: int) -> NDArray[np.intp]:
+    """Numbers of the cycles of logs with so many of them, drawn `DRAWS` times, (draws, cycles)."""
+    rng, first = np.random.default_rng(seed), np.cumsum([0, *sizes])
     draws = [
         [at + rng.integers(size, size=size) for at, size in zip(first, sizes, strict=False)]
         for _ in range(DRAWS)
     ]
-    chosen = np.array([np.concatenate(one) for one in draws])
-    return _share_of(np.hstack(by_log)[:, chosen].sum(axis=2))
+    return np.array([np.concatenate(one) for one in draws])
 
 
 def _cycles(data: Fitted, rows: slice) -> list[NDArray[np.intp]]:

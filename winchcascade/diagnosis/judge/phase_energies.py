@@ -31,15 +31,12 @@ from winchcascade.diagnosis.fit.evidence import inside_of
 from winchcascade.diagnosis.fit.fit_set import STEP
 from winchcascade.diagnosis.fit.fitted_log import RHO
 from winchcascade.diagnosis.fit.marginal import Columns
-from winchcascade.diagnosis.fit.misfit import LOCAL
-from winchcascade.diagnosis.fit.nuisances import COURSES, WITHOUT_ZERO, sensor_errors
+from winchcascade.diagnosis.fit.nuisances import WITHOUT_ZERO, sensor_errors
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.suspects import varied
 from winchcascade.diagnosis.verdict_limits import LAW
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.fit.evidence import Fit
     from winchcascade.diagnosis.fit.misfit import Fitted
@@ -60,14 +57,15 @@ class Known(NamedTuple):
     """What a fit leaves open of a campaign, about its best place.
 
     `moved` (M, 5, p) is what one unit of each of p parameters moves that is simulated, `covariance`
-    (p + q, p + q) that of these and of the q nuisances that are not. `sd` (n,) are standard
-    deviations of all nuisances, in units of their tolerances, and `scale` is the square by which
-    the noise exceeds its estimate.
+    (p + q, p + q) that of these and of the q nuisances that are not. `by_course` (courses, n) are
+    standard deviations of the discrepancies of the model along each of their courses, 0 for all
+    other nuisances, in units of their tolerances, and `scale` is the square by which the noise
+    exceeds its estimate.
     """
 
     moved: Signal
     covariance: Signal
-    sd: Signal
+    by_course: Signal
     scale: float
 
 
@@ -114,10 +112,12 @@ def _known(data: Fitted, suspects: Suspects, fit: Fit) -> Known:
     first = by_field.shape[2]
     determined = 1.0 - np.diag(np.linalg.inv(information + np.diag(prior)))[first:]
     prior[first:] /= discrepancy_found(data, fit.nu, determined)
+    courses = [n.kind == "discrepancy" and (math.isnan(n.load), n.course) for n in data.nuisances]
+    along = [[own == course for own in courses] for course in dict.fromkeys(courses) if course]
     return Known(
         moved,
         np.linalg.inv(information + np.diag(prior)).astype(np.float64),
-        prior[first:] ** -0.5,
+        np.array(along).reshape(-1, fit.nu.size) * prior[first:] ** -0.5,
         fit.scale,
     )
 
@@ -155,7 +155,7 @@ def _of_stage(
         if not here.any() or (phase == "hold" and stage != "gen"):
             continue
         measured, given, without, fitted = joule[:, here].sum(axis=1).tolist()
-        variance = _variance(data, known, k, phase, np.where(here[:, None], weights, 0.0))
+        variance = _variance(data, known, k, np.where(here[:, None], weights, 0.0))
         both = 0.0
         if stage == "gen":
             length, samples = float(seconds[here].sum()), float(blocks.count[here].sum())
@@ -169,7 +169,7 @@ def _of_stage(
     return found
 
 
-def _variance(data: Fitted, known: Known, k: int, phase: str, weights: Signal) -> float:
+def _variance(data: Fitted, known: Known, k: int, weights: Signal) -> float:
     """Variance of the difference of an energy from that of the fit. [J^2]
 
     Parameters
@@ -185,37 +185,15 @@ def _variance(data: Fitted, known: Known, k: int, phase: str, weights: Signal) -
             sensor_errors(data.rig.sensors.get(name))[1]
             * float(weights[:, CHANNELS.index(name)].sum())
         ) ** 2
+    cells = slice(len(CHANNELS) * rows.start, len(CHANNELS) * rows.stop)
+    moved, locally = known.moved[rows], data.moved_locally[cells]
     inside, outside = (
-        np.concatenate(
-            [np.tensordot(part, known.moved[rows], axes=2), [*_local(data, k, phase, part)]]
-        )
+        np.concatenate([np.tensordot(part, moved, axes=2), part.ravel() @ locally])
         for part in (np.where(taking, weights, 0.0), np.where(taking, 0.0, weights))
     )
-    both, by_course = inside + outside, dict[tuple[bool, str], float]()
-    for j, n in enumerate(data.nuisances, -len(data.nuisances)):
-        if n.kind == "discrepancy":
-            course = math.isnan(n.load), n.course
-            by_course[course] = by_course.get(course, 0.0) + known.sd[j] * float(both[j])
-            both[j] = 0.0
+    both = inside + outside
+    by_nuisance = both[-known.by_course.shape[1] :]
+    of_model = float(np.sum((known.by_course @ by_nuisance) ** 2))
+    by_nuisance[known.by_course.any(axis=0)] = 0.0
     follows = known.covariance @ both
-    of_model = sum(x**2 for x in by_course.values())
     return max(noise + of_model - float(both @ follows) + 2.0 * float(outside @ follows), noise)
-
-
-def _local(data: Fitted, k: int, phase: str, weights: Signal) -> Iterator[float]:
-    """What one unit of each nuisance that is not simulated adds to an energy of one phase of a
-    log, each in turn.
-    """
-    log = data.logs[k]
-    by_zero = weights.sum(axis=0)
-    by_course = np.einsum("mk,mkc->kc", weights, log.courses)
-    for n in data.nuisances[data.simulated :]:
-        channel, of_load = CHANNELS.index(n.name), math.isnan(n.load) or n.load == log.load
-        if n.kind == LOCAL[0]:
-            yield n.sd * float(by_zero[channel]) * (n.log == k)
-        else:
-            yield (
-                n.sd
-                * float(by_course[channel, COURSES.index(n.course)])
-                * (n.phase == phase and of_load)
-            )

@@ -58,11 +58,16 @@ def changes_of_means(data: Fitted, moved: Signal) -> Iterator[tuple[int, int, in
     ----------
     moved : as in `share_of_plateau`
     """
-    level = plateaus_of(data)
-    for log, k, phase, here in data.cells():
-        if here.size and np.max(level[here, k]) > 0.0:
-            plateau = max(float(np.max(level[here, k])), 1e-12)
-            yield log, k, phase, float(np.mean(moved[here, k])) / plateau
+    seen, phases = data.seen, len(PHASES)
+    place = np.repeat(np.arange(len(data.sizes)), data.sizes) * phases + data.blocks.phase
+    order = np.argsort(place, kind="stable")
+    cells, first = np.unique(place[order], return_index=True)
+    of_blocks = (np.add, seen), (np.add, moved * seen), (np.maximum, plateaus_of(data) * seen)
+    count, total, plateau = (over.reduceat(1.0 * x[order], first) for over, x in of_blocks)
+    change = total / np.maximum(count, 1.0) / np.maximum(plateau, 1e-12)
+    for cell, k in np.argwhere(plateau > 0.0).tolist():
+        log, phase = divmod(int(cells[cell]), phases)
+        yield log, k, phase, float(change[cell, k])
 
 
 def minor_of(

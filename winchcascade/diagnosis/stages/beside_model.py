@@ -200,7 +200,9 @@ def _samples(data: Fitted, number: int, made: Deviations) -> dict[Stage, PathSam
         # with its noise in the column of a gain, a fit would shrink a reading to shrink its noise
         gains = {channel: x * made.simulated[channel] for channel, x in by.items()}
         known = [
-            np.nan_to_num(per * (made.moved[n][stage] - gap)) if n in made.moved else 0.0 * power
+            np.nan_to_num(per * (made.moved[n][stage] - gap))
+            if stage in made.moved.get(n, {})
+            else 0.0 * power
             for n in data.nuisances
             if n.kind in (*MODELLED, *READ)
         ]

@@ -64,7 +64,8 @@ TERMS: tuple[tuple[str, Cell], ...] = (
     ),
     (
         "u_D, u_num",
-        "standard uncertainties of D by sensors and gaps, and of S by its step, which is halved",
+        "standard uncertainties of D by sensors and gaps, and of S by its step: its change with one "
+        "that is 2.5 times as long",
     ),
     (
         "u_input",
