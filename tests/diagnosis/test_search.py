@@ -23,7 +23,7 @@ from winchcascade.diagnosis.fit.fit_set import fit_set
 from winchcascade.diagnosis.fit.marginal import WILD, Columns, Marginal, Together
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.rig_problem import RigProblem
-from winchcascade.diagnosis.fit.search import Found, gone_on, search
+from winchcascade.diagnosis.fit.search import BEHIND, Found, gone_on, search
 from winchcascade.diagnosis.fit.suspects import Suspects, freedom
 from winchcascade.diagnosis.judge.causes import Posterior, parameters_of, posterior_of
 from winchcascade.diagnosis.judge.closure import HeldOut, close, judging
@@ -164,7 +164,8 @@ def test_a_fit_that_ended_early_is_made_again_from_the_best() -> None:
     fit = found.fit(alone)
     stuck = msgspec.structs.replace(fit, x=0.0 * fit.x, loss=fit.loss + 1e4)
     again = msgspec.structs.replace(found, fits={**found.fits, alone: stuck}, tried=set())
-    assert again.fit(alone).loss == pytest.approx(fit.loss, abs=0.1)
+    behind = fit.loss - found.best.loss
+    assert again.fit(alone).loss == pytest.approx(fit.loss, abs=BEHIND * behind)
 
 
 def test_a_set_that_is_rejected_is_not_the_best_again() -> None:

@@ -4,7 +4,6 @@ is worth, in closed form.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -22,6 +21,10 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.diagnosis_result import Names
     from winchcascade.rig.effects.effect import ActiveEffect
+
+
+ROUGH = 0.02
+"""Share of its gain to which a set is fitted that only leads on. [1]"""
 
 
 PAIRED = 12
@@ -105,7 +108,7 @@ class Expansion(msgspec.Struct, frozen=True):
     def refitted(self, marginal: Marginal, names: Names, best: Fit) -> Fit:
         """The fit of another set, begun from the fit that this is expanded about."""
         start, columns = start_of(best), self.over(names)
-        return fit_set(self.evidence.problem, marginal, names, start, columns, -math.inf)
+        return fit_set(self.evidence.problem, marginal, names, start, columns, rough=ROUGH)
 
     def worth(self, sets: Iterable[Names]) -> dict[Names, float]:
         """Closed-form evidence by which sets of any size compare."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -34,10 +33,6 @@ STEPS, WORTHWHILE = 8, 0.05
 """Maximum number of steps of a fit, and the improvement of the objective below which it has
 settled.
 """
-
-
-ROUGH = 0.02
-"""Share of its gain to which a set is fitted that only leads on. [1]"""
 
 
 REWEIGHTED = 20
@@ -134,7 +129,8 @@ def fit_set(
     names: Names,
     start: Mapping[str, Signal] | None = None,
     columns: Signal | None = None,
-    exact_below: float = math.inf,
+    settled: float = WORTHWHILE,
+    rough: float = 0.0,
 ) -> Fit:
     """Fit a set of suspects by Gauss and Newton, each step bounded.
 
@@ -143,8 +139,8 @@ def fit_set(
     start : fields to begin from by suspect; suspects without any begin absent
     columns : (n, k) derivative of the residuals there or near, which serves as long as it foresees
         what a step brings
-    exact_below : objective above which a step is not worth it that gains less than `ROUGH` of what
-        the fit has gained: most sets on a path only lead on
+    settled, rough : improvement of the objective below which a step is not worth it, and as a
+        share of what the fit has gained [1]
     """
     names = tuple(sorted(names))
     free, x = (
@@ -160,8 +156,7 @@ def fit_set(
     begin, promised = fit.loss, 0.0
     for _ in range(STEPS):
         step, promised = _best_step(fit, columns)
-        rough = ROUGH if fit.loss - promised > exact_below else 0.0
-        if promised < max(WORTHWHILE, rough * (begin - fit.loss)):
+        if promised < max(settled, rough * (begin - fit.loss)):
             break
         tried = (at(np.clip(fit.x + share * step, free.minimum, free.maximum)) for share in SHARES)
         there = next((one for one in tried if one.loss < fit.loss), None)

@@ -58,6 +58,11 @@ FAR = 12.0
 probability.
 """
 
+BEHIND = 0.05
+"""Share of the evidence that a set lacks to the best one, beyond `2 FAR`, to which its fit may stay
+rough. [1]
+"""
+
 NEAR_ZERO = 2.0
 """Magnitude of the nuisances, in their tolerances, up to which residuals are linear in them
 about 0. [1]
@@ -132,8 +137,8 @@ class Found(msgspec.Struct, frozen=True):
             self.tried.add(way)
             columns = None if start else self.expansion.over(ordered)
             begin = start_of(self.best) | dict(start or {})
-            near = self.best.loss + 2.0 * FAR * self.scale
-            made = fit_set(self.problem, self.marginal, ordered, begin, columns, near)
+            settled = max(BEHIND * (self._lacks(ordered) - 2.0 * FAR) * self.scale, WORTHWHILE)
+            made = fit_set(self.problem, self.marginal, ordered, begin, columns, settled)
             if known is None or _is_more(self.evidence, made, known):
                 self.fits[ordered] = made
         return self.fits[ordered]
@@ -142,12 +147,15 @@ class Found(msgspec.Struct, frozen=True):
         """The fit of the best set without one cause."""
         return self.fit(tuple(n for n in self.best.names if n != name))
 
+    def _lacks(self, names: Names) -> float:
+        """Evidence that a set lacks to the best one, as the expansion about this foresees it."""
+        rated = self.expansion.rated([names, self.best.names])
+        return rated[self.best.names] - rated[names]
+
     def _foresees_more(self, known: Fit) -> bool:
         """Whether the expansion about the best foresees clearly more of a set than its fit has."""
-        expansion, evidence, best = self.expansion, self.evidence, self.best
-        rated = expansion.rated([known.names, best.names])
-        foreseen = rated[known.names] - rated[best.names]
-        return foreseen > evidence.of(known) - evidence.of(best) + DOUBTFUL
+        lacked = self.evidence.of(self.best) - self.evidence.of(known)
+        return self._lacks(known.names) < lacked - DOUBTFUL
 
     def allowed(self, names: Names) -> bool:
         """Whether a set may be the best."""
