@@ -11,7 +11,6 @@ import numpy as np
 from winchcascade.diagnosis.fit.expansion import Expansion
 from winchcascade.diagnosis.fit.search import Found
 from winchcascade.diagnosis.fit.suspects import freedom, with_values
-from winchcascade.diagnosis.verdict_limits import CLEARLY
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -97,5 +96,4 @@ def _beyond(expansion: Expansion, name: str, share: float) -> float:
     z = math.sqrt(max(float(step @ expansion.curve @ step) / expansion.evidence.scale, 0.0))
     seen = expansion.curve @ step * max(1.0 - SURELY / max(z, 1e-12), 0.0)
     injected = msgspec.structs.replace(expansion, value=free.absent, slope=seen, acting=())
-    rated = injected.rated([(), (name,)])
-    return rated[(name,)] - rated[()] - CLEARLY
+    return injected.worth([(name,)])[(name,)]  # that of nothing is 0
