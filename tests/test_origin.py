@@ -32,7 +32,8 @@ from winchcascade.report.results.reduction import reduction_report
 from winchcascade.report.wording import banner, origin_words
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.simulate import simulate, write_log
-from winchcascade.tables.check import check, measured
+from winchcascade.tables.check import check
+from winchcascade.tables.measured import measured
 from winchcascade.tables.table_file import load_table
 
 LOG = "r4p5ohm.csv"

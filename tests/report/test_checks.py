@@ -14,7 +14,8 @@ from winchcascade.report.results.checks import (
     github_annotations,
     junit_xml,
 )
-from winchcascade.tables.check import Check, Measured, check
+from winchcascade.tables.check import Check, check
+from winchcascade.tables.measured import Measured
 from winchcascade.tables.table_file import load_table
 
 TABLE = load_table("hsu2026-table2")

@@ -29,7 +29,8 @@ from winchcascade.report.results.campaign import campaign_report
 from winchcascade.report.results.campaign_index import results_index
 from winchcascade.report.results.checks import check_report
 from winchcascade.report.results.reduction import reduction_report
-from winchcascade.tables.check import check, measured
+from winchcascade.tables.check import check
+from winchcascade.tables.measured import measured
 
 FIXTURES = Path(__file__).parents[2] / "fixtures" / "campaign"
 LOGS = {"r36ohm.csv": 36.0, "r9ohm.csv": 9.0, "open_circuit.csv": math.inf}

@@ -20,8 +20,10 @@ from winchcascade.batch.plan import make_plan
 from winchcascade.batch.results import Results, campaign_results, check_results
 from winchcascade.core.errors import OptionError
 from winchcascade.reduction.efficiency import FIELDS, METRICS, RATIOS
-from winchcascade.tables.check import SAME_LOGS, CheckError, Factors, Measured, check
+from winchcascade.tables.check import SAME_LOGS, Factors, check
+from winchcascade.tables.measured import Measured
 from winchcascade.tables.published_table import PublishedTable
+from winchcascade.tables.rows_of_results import CheckError
 from winchcascade.tables.table_file import load_table, parse_table
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"

@@ -18,7 +18,8 @@ from winchcascade.core.jobs import Workers
 from winchcascade.core.store import CAMPAIGN_RECORD, Kept, State, altered, digest_in, inside
 from winchcascade.reduction.campaign_record import CAMPAIGN_SCHEMA
 from winchcascade.reduction.run_record import RunRecord, run_record
-from winchcascade.tables.check import Check, Factors, check, measured
+from winchcascade.tables.check import Check, Factors, check
+from winchcascade.tables.measured import measured
 from winchcascade.tables.published_table import PublishedTable
 from winchcascade.tables.table_file import load_table
 

@@ -22,40 +22,32 @@ from __future__ import annotations
 
 import itertools
 import math
-import re
-from collections.abc import Iterator, Mapping, Sequence
-from pathlib import PurePath
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import msgspec
 import numpy as np
 from msgspec.structs import replace
 
-from winchcascade.core.campaign_file import Origin, origin_from
-from winchcascade.core.cascade import field_of
-from winchcascade.core.errors import OptionError, WinchcascadeError
+from winchcascade.core.campaign_file import Origin
+from winchcascade.core.errors import OptionError
 from winchcascade.core.plain_text import first_of
-from winchcascade.core.quantity import unit_suffix
 from winchcascade.core.viewed import Viewed
-from winchcascade.reduction.efficiency import METRICS, RATIOS
-from winchcascade.reduction.run_record import CycleRecord, Numbers, RunRecord
+from winchcascade.reduction.efficiency import RATIOS
+from winchcascade.tables.measured import Measured
 from winchcascade.tables.published_table import (
-    DIMENSIONS,
-    RESULTS_AT,
     Printed,
     PublishedTable,
     TableError,
     TableRow,
 )
+from winchcascade.tables.rows_of_results import MAX_NAMED, CheckError, by_rows, compared_columns
 from winchcascade.tables.table_file import check_unit
 
 COVERAGE = 2.0
 """Standard uncertainties of the measured mean that a cell allows: about 95 % (JCGM 100:2008,
 6.3.3).
 """
-
-MAX_NAMED = 8
-"""Results without a row that a note names."""
 
 ROW_MIN = 3
 """Energies and powers of a row of which the median shows what they have in common: a single
@@ -68,44 +60,12 @@ _OF_A_MOTION = ("energy", "power")
 _DUST = 1e-12
 """Share of the printed value that the arithmetic itself may miss."""
 
-_SAME_LOAD = 1e-9
-"""Two loads that differ by less than this share are the same number of ohms. [1]"""
-
-_OPERATING_POINTS = ("steps", "rows", "whole", "ranges")
-"""Sources of cycles that are operating points; all others repeat one motion."""
-
 Counted = Literal["none", "budget", "budget_and_limits"]
 """What a tolerance counts of the sensors: nothing, the budget of the log, or with it the limits
 of the makers.
 """
 
 Outcome = Literal["ok", "miss", "not_measured", "no_run"]
-
-
-class CheckError(WinchcascadeError):
-    """Results that cannot be held against the table."""
-
-
-class Measured(msgspec.Struct, frozen=True):
-    """What a log, or a cycle of it, gives in SI units: `values` of metrics and of what it is at,
-    None for what it cannot give.
-
-    `deviation` is the largest one of a cycle from the mean [%], `uncertainty` the standard
-    uncertainty that the sensors leave of the mean, without the scatter of the cycles; `limits` is
-    what the limits of the sensors that are calibrated in place would leave of it, empty where
-    results do not state it; `u` is the standard uncertainty with the scatter. `findings` are the
-    sentences on what is wrong with the log.
-    """
-
-    name: str
-    log: str
-    values: Numbers
-    deviation: Numbers = {}
-    uncertainty: Numbers = {}
-    limits: Numbers = {}
-    u: Numbers = {}
-    findings: tuple[str, ...] = ()
-    origin: Origin = Origin()
 
 
 class Factors(msgspec.Struct, frozen=True):
@@ -246,8 +206,8 @@ def check(
     factors, notes = factors or Factors(), list[str]()
     for name, column in table.columns.items():
         check_unit(column, f"{table.path}: [columns] {name}")
-    compared = _compared(table, results, notes)
-    found = _assigned(results, table, notes)
+    compared = compared_columns(table, results, notes)
+    found = by_rows(results, table, notes)
     cells: list[CellCheck] = []
     findings, empty = [], list[str]()
     for k, row in enumerate(table.rows):
@@ -305,236 +265,6 @@ def _whole_payouts(
         f"{len(of) - sum(missed)} that of the "
         "window; reduce the logs with --window payout."
     ]
-
-
-# ------------------------------------------------------------------------------------ the results
-def measured(record: RunRecord, where: str, table: PublishedTable) -> list[Measured]:
-    """Take from the record of a reduction what a table is compared with.
-
-    Each complete cycle that is an operating point, where more than the log and its load is a key.
-    Else the log as a whole: the mean of its cycles where they repeat one motion and in a table by
-    load, else sums, of unknown uncertainty.
-
-    Parameters
-    ----------
-    where : the file, named where the record does not name its log
-    """
-    log, cycles = record.log, [cycle for cycle in record.cycles if cycle.complete]
-    load = math.inf if log.load_ohm is None and log.open_circuit else log.load_ohm
-    repeats = record.cycles_from not in _OPERATING_POINTS
-    whole = Measured(
-        name=log.path or where,
-        log=where,
-        values=_metrics(record.mean)
-        | _at(cycles)
-        | {"load": load, "cycle": 1.0 if len(cycles) == 1 else None},
-        deviation=_metrics(record.max_deviation_percent),
-        uncertainty=_metrics(record.uncertainty.sensors),
-        limits=_metrics(record.uncertainty.sensors_by_limits),
-        u=_metrics(record.standard_uncertainty),
-        findings=tuple(f"{finding.kind}: {finding.message}" for finding in record.quality),
-        origin=origin_from(record.data),
-    )
-    if table.by_load:
-        return [whole]
-    if not repeats and not {table.columns[name].measured for name in table.keys} <= {
-        "file",
-        "load",
-    }:
-        return [
-            replace(
-                whole,
-                name=f"{whole.name} cycle {cycle.cycle}",
-                values=_metrics(cycle.numbers)
-                | _at([cycle])
-                | {"load": load, "cycle": float(cycle.cycle)},
-                deviation={},
-                uncertainty=_metrics(cycle.standard_uncertainty),
-                limits=_metrics(cycle.sensors_by_limits),
-                u=_metrics(cycle.standard_uncertainty),
-            )
-            for cycle in cycles
-        ]
-    if repeats or len(cycles) < 2:
-        return [whole] if cycles else []
-    return [
-        replace(
-            whole,
-            values=whole.values | _metrics(record.total),
-            deviation={},
-            uncertainty={},
-            limits={},
-            u={},
-        )
-    ]
-
-
-def _metrics(numbers: Numbers) -> Numbers:
-    """Metrics by their names from numbers of a record, where they have their unit at the end."""
-    kinds = {field: field.partition("_")[0] for field in numbers}
-    units = {kind: field_of(f"{kind}_").removeprefix(f"{kind}_") for kind in DIMENSIONS}
-    return {
-        field.removesuffix(units[kind]): numbers[field]
-        for field, kind in kinds.items()
-        if kind in units
-    }
-
-
-def _at(cycles: Sequence[CycleRecord]) -> Numbers:
-    """Speed and torque of the shaft, plateau speed and travel of the payouts: means over the
-    cycles, by their lengths.
-    """
-    rows = []
-    for cycle in cycles:
-        payout, point = cycle.phase_summary.payout, cycle.phase_summary.point or None
-        plateau, rpm = payout.plateau, point and point.rpm_shaft
-        torque = point.torque if point is not None else plateau and plateau.torque
-        rows.append(
-            (rpm, torque, plateau and plateau.speed, payout.travel, cycle.window["duration_s"])
-        )
-    table = np.array(rows, dtype=np.float64).reshape(-1, 5)  # None is NaN
-    means = (
-        table[:, :4].T @ table[:, 4] / table[:, 4].sum()
-        if table[:, 4].sum() > 0.0
-        else np.full(4, math.nan)
-    )
-    values = (means * (math.pi / 30.0, 1.0, 1.0, 1.0)).tolist()
-    return {
-        n: x if math.isfinite(x) else None
-        for n, x in zip(("speed", "torque", "velocity", "travel"), values, strict=True)
-    }
-
-
-# ---------------------------------------------------------------------------- rows of the results
-def _compared(table: PublishedTable, results: Sequence[Measured], notes: list[str]) -> list[str]:
-    """Columns that results have something of; a note is added on those of which they have
-    nothing.
-    """
-    others = [name for name in table.columns if name not in table.keys]
-    given = {
-        m
-        for result in results
-        for m, value in result.values.items()
-        if value is not None or m not in RESULTS_AT
-    }
-    compared = [
-        n for n in others if table.columns[n].measured in given or (table.by_load and n in METRICS)
-    ]
-    if results and not compared:
-        metrics = sorted(given - set(RESULTS_AT))
-        raise TableError(
-            f"{table.path}: no column is a quantity of the results, which have "
-            f"{', '.join(metrics) or 'no cycle'}; give a "
-            f'column such a name, or add measured = "{(metrics or ["power_gen"])[0]}" to its '
-            f"entry."
-        )
-    left = [name for name in others if name not in compared]
-    notes += (
-        [f"columns {', '.join(left)}: the results have no quantity of these names; not compared."]
-        if left
-        else []
-    )
-    return compared
-
-
-def _assigned(
-    results: Sequence[Measured], table: PublishedTable, notes: list[str]
-) -> dict[int, list[Measured]]:
-    """Results by the row that each belongs to, the nearest one; a note is added on results that
-    belong to none.
-    """
-    found: dict[int, list[Measured]] = {}
-    without = []
-    for result, nearest in zip(results, _nearest_rows(results, table), strict=True):
-        if nearest is None:
-            without.append(f"{result.name} ({_place(result, table)})")
-        else:
-            found.setdefault(nearest, []).append(result)
-    if not found:
-        raise CheckError(
-            f"no result belongs to a row of {table.name}: "
-            f"{'; '.join(without[:3]) or 'no log has a complete cycle'}. Its "
-            f"rows are {first_of([row.name for row in table.rows], MAX_NAMED)}; correct the key "
-            f"or its units (a key may be "
-            f"{', '.join(RESULTS_AT)} or a metric), or state the load of the log (load_ohm in "
-            f"campaign.toml, or --load-ohm)."
-        )
-    notes += [f"without a row, left out: {first_of(without, MAX_NAMED)}."] if without else []
-    return found
-
-
-def _nearest_rows(results: Sequence[Measured], table: PublishedTable) -> Iterator[int | None]:
-    """Number of the row that each result belongs to, the nearest one; None for another operating
-    point.
-
-    A number may differ by the rounding of the cell and a share of the largest number of its column,
-    the number of a cycle by the rounding alone, the load of a table by load not at all; a name of a
-    log has to be that of the log.
-    """
-    keys = []
-    for name in table.keys:
-        cells, column = [row.cells.get(name) for row in table.rows], table.columns[name]
-        value, near = (
-            np.array(
-                [math.nan if c is None else getattr(c, part) * column.factor for c in cells],
-                dtype=np.float64,
-            )
-            for part in ("value", "rounding")
-        )
-        if table.by_load:
-            near = _SAME_LOAD * np.abs(value)
-        elif column.measured != "cycle":
-            near = near + table.key_share * max(
-                (abs(x) for x in value.tolist() if math.isfinite(x)), default=0.0
-            )
-        texts = ["" if c is None else c.text.casefold() for c in cells]
-        keys.append(
-            (
-                column.measured,
-                value,
-                near,
-                [text.lstrip("0") if text.isdecimal() else text for text in texts],
-            )
-        )
-    for result in results:
-        square = np.zeros(len(table.rows))
-        for quantity, printed, near, texts in keys:
-            found, names = result.values.get(quantity), log_names(result.log)
-            here = math.nan if found is None else found
-            with np.errstate(invalid="ignore"):
-                share = np.abs(here - printed) / near
-            if quantity == "load":
-                share = np.where(np.isclose(here, printed, rtol=_SAME_LOAD, atol=0.0), 0.0, share)
-            if quantity == "file":
-                share = np.array([0.0 if text in names else math.inf for text in texts])
-            square = np.where(share <= 1.0, square + share**2, math.inf)
-        nearest = int(np.argmin(square)) if square.size else 0
-        yield nearest if square.size and math.isfinite(square[nearest]) else None
-
-
-def log_names(log: str) -> list[str]:
-    """What a cell may name a log by: its file with or without the ending, or the last number of its
-    name.
-
-    >>> log_names("logs/run_07.csv")
-    ['run_07.csv', 'run_07', '7']
-    """
-    name = PurePath(log).name.casefold()
-    stem = name.partition(".")[0]
-    return [name, stem, *(digits.lstrip("0") for digits in re.findall(r"\d+", stem)[-1:])]
-
-
-def _place(result: Measured, table: PublishedTable) -> str:
-    """What a result has in the columns of the key, in their units."""
-    texts = []
-    for name in table.keys:
-        column = table.columns[name]
-        value = result.values.get(column.measured)
-        text = (
-            "unknown" if value is None else f"{value / column.factor:.4g}{unit_suffix(column.unit)}"
-        )
-        texts.append(f"{name} {result.log if column.measured == 'file' else text}")
-    return ", ".join(texts)
 
 
 # -------------------------------------------------------------------------------------- the cells
