@@ -31,11 +31,12 @@ from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.parts import Model
 from winchcascade.rig.simulate import simulate
-from winchcascade.tables.attainable import AttainableRanges, TableProblem, attainable_ranges
+from winchcascade.tables.attainable import AttainableRanges, attainable_ranges
 from winchcascade.tables.feasible import repeatability
 from winchcascade.tables.payouts import Cell
 from winchcascade.tables.published_table import PublishedTable
 from winchcascade.tables.table_file import load_table
+from winchcascade.tables.table_problem import TableProblem
 
 RIG = built_in()
 SOME = ("copper_heating", "gear_mesh_loss", "screw_friction", "torque_gain", "clutch_drag")
