@@ -33,7 +33,9 @@ from winchcascade.core.files import scratch_folder
 from winchcascade.core.jobs import one_thread_each
 from winchcascade.core.rig_file import Rig, Thresholds
 from winchcascade.core.run import Run, Signal
-from winchcascade.design.design import METRIC, CorrectedRig, Design, design
+from winchcascade.design.corrected_rig import CorrectedRig
+from winchcascade.design.design import design
+from winchcascade.design.design_result import METRIC, Design
 from winchcascade.design.operating import PLACE, Motion, planned_cycle
 from winchcascade.design.run_plan import after, determine
 from winchcascade.diagnosis.diagnose import ModelDiagnosis

@@ -26,7 +26,8 @@ from winchcascade.blind.twin import Twin, draw_twin, solve_twin
 from winchcascade.core.files import scratch_folder
 from winchcascade.core.jobs import one_thread_each
 from winchcascade.core.run import Signal
-from winchcascade.design.design import Limits, design
+from winchcascade.design.design import design
+from winchcascade.design.design_result import Limits
 from winchcascade.diagnosis.handover.posterior import (
     RigPosterior,
     Tested,

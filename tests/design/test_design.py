@@ -22,7 +22,9 @@ from undrawn import undrawn
 from winchcascade.batch.campaign_design import motions_of
 from winchcascade.core.errors import OptionError
 from winchcascade.core.run import Run
-from winchcascade.design.design import METRIC, Design, Explanation, Limits, design, mixed
+from winchcascade.design.corrected_rig import Explanation, mixed
+from winchcascade.design.design import design
+from winchcascade.design.design_result import METRIC, Design, Limits
 from winchcascade.design.operating import PLACE, path_of, planned_cycle, points
 from winchcascade.diagnosis.diagnosis_result import Judgement
 from winchcascade.diagnosis.handover.posterior import NEAR, RigPosterior

@@ -25,7 +25,8 @@ from units_of_nature import (
 
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run
-from winchcascade.design.design import Design, design
+from winchcascade.design.design import design
+from winchcascade.design.design_result import Design
 from winchcascade.design.operating import QUANTITIES
 from winchcascade.design.run_plan import before, separate
 from winchcascade.diagnosis.diagnosis_result import Judgement

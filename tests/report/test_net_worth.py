@@ -2,7 +2,7 @@
 
 import pytest
 
-from winchcascade.design.design import Repair
+from winchcascade.design.design_result import Repair
 from winchcascade.diagnosis.handover.posterior import Band
 from winchcascade.report.results.design_report import net_worth
 

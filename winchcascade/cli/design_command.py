@@ -54,7 +54,8 @@ def design_command(
     """
     use_threads(threads)
     from winchcascade.batch.campaign_design import corrected_by, motions_of
-    from winchcascade.design.design import Limits, check_options, design
+    from winchcascade.design.design import check_options, design
+    from winchcascade.design.design_result import Limits
     from winchcascade.report.results.design_report import design_record, design_report, schedule_csv
 
     outputs.check([source, motion, rig])

@@ -90,7 +90,8 @@ def sea_command(
     use_threads(threads)
     from winchcascade.batch.campaign_design import corrected_by
     from winchcascade.batch.seas_given import seas_of
-    from winchcascade.design.design import Limits, check_options
+    from winchcascade.design.design import check_options
+    from winchcascade.design.design_result import Limits
     from winchcascade.report.results.sea_report import sea_csv, sea_record, sea_report
     from winchcascade.sea.hydrodynamics import read_float
     from winchcascade.sea.line_motion import FOLLOWER
@@ -131,7 +132,8 @@ def _schedule(
     """The schedule of `design` for most power within limits, by their names; None where it has
     no load.
     """
-    from winchcascade.design.design import Limits, design
+    from winchcascade.design.design import design
+    from winchcascade.design.design_result import Limits
     from winchcascade.sea.in_sea import scheduled
 
     designed = design(posterior, tested, limits=Limits(**limits))

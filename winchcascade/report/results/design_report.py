@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from winchcascade.core.version import __version__
-from winchcascade.design.design import LIMITED, METRIC, Design, OperatingPoint, Repair, Scheduled
+from winchcascade.design.design_result import (
+    LIMITED,
+    METRIC,
+    Design,
+    OperatingPoint,
+    Repair,
+    Scheduled,
+)
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.report.content import (
     Column,
