@@ -11,7 +11,7 @@ CONSTANTS = {
     "that is read",
     "rig.parts.IN_RIG": "radians of a revolution, and gravity, which nature fixes",
     "rig.physics.RPM": "revolutions a minute of a radian a second",
-    "design.design.JOULES_PER_KWH": "joules of a kilowatt hour",
+    "design.corrected_rig.JOULES_PER_KWH": "joules of a kilowatt hour",
 }
 """Constants that may have a dimension, with their reasons."""
 
