@@ -25,8 +25,9 @@ from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.reduction.reduce import first_metrics, reduce
 from winchcascade.report.content import Table
+from winchcascade.report.results.attainable_sections import attainable_figure, attainable_summary
 from winchcascade.report.results.audit_record import audit_record
-from winchcascade.report.results.audits import attainable_figure, attainable_summary, audit_report
+from winchcascade.report.results.audits import audit_report
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.parts import Model
