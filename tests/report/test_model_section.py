@@ -19,8 +19,8 @@ from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import Products, run_batch
 from winchcascade.diagnosis.explain.model_comparison import Account, modelled
 from winchcascade.report.content import Section, Table
+from winchcascade.report.figures import model_figures as figures
 from winchcascade.report.figures.style import house_style
-from winchcascade.report.results import model_section as figures
 from winchcascade.report.results.model_section import PANELS, run_parts
 
 
