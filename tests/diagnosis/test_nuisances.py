@@ -72,6 +72,28 @@ def test_gains_are_common_to_all_logs_and_timing_leaves_the_pressure_out() -> No
     assert timing == pytest.approx(dict.fromkeys(("force", "torque", "vdc", "idc"), SKEW / FS))
 
 
+def test_the_bridge_of_a_slow_machine_is_known_less_well_when_its_current_rises() -> None:
+    pairs = RIG.generator.pole_pairs
+    assert pairs is not None
+    few = msgspec.structs.replace(pairs, value=pairs.value / 16.0)
+    slow = msgspec.structs.replace(
+        RIG, generator=msgspec.structs.replace(RIG.generator, pole_pairs=few)
+    )
+    found = {(n.kind, n.name): n.sd for n in nuisances(slow, RUNS, SCALES)}
+    rest = {(n.kind, n.name): n.sd for n in NUISANCES}
+    period = 2.0 * math.pi / (few.value * SCALES.omega_rotor)
+    assert found["timing", "vdc"] == pytest.approx(period / 24.0)
+    # 2 l_s di/dt over the drop of the model, at a current that reaches its size within the ramp
+    inductance = RIG.generator.l_s
+    assert inductance is not None
+    rising = 2.0 / (2.0 * math.pi * SCALES.ramp / period) * inductance.value
+    stated = STATED["generator", "l_s"]
+    assert found["rig", "l_s"] == pytest.approx(math.hypot(stated, rising), rel=1e-3)
+    changed = {("timing", name) for name in ("force", "torque", "vdc", "idc")} | {("rig", "l_s")}
+    assert {key for key, sd in rest.items() if sd < found[key]} == changed
+    assert all(sd == found[key] for key, sd in rest.items() if key not in changed)
+
+
 def test_every_log_has_zeros_of_its_own() -> None:
     zeros = [n for n in NUISANCES if n.kind == "zero"]
     assert [(n.log, n.name) for n in zeros] == [(log, name) for log in range(4) for name in ZEROS]

@@ -70,6 +70,16 @@ SKEW = 0.05
 sample's interval, one standard uncertainty, assumed. The pressure changes too slowly for it to
 matter. [1]"""
 
+LATE = math.pi / 12.0
+"""Radians of the electrical period by which a bridge answers late, one standard uncertainty: that
+of the model answers at once, a real one at its next commutation, within a sixth of a period. At the
+top speed of the line. [rad]"""
+
+RISING = 2.0
+"""Voltage `2 l_s di/dt` of a current that rises in a ramp, which the model leaves out, over the
+drop by commutation `(3/pi) w_e l_s i`: about this over the radians of the electrical period in the
+ramp, by which the inductance is uncertain. [rad]"""
+
 LOAD = "dc_link.load_change"
 """Path in the model of the deviation of a load."""
 
@@ -133,10 +143,9 @@ def nuisances(rig: Rig, runs: Sequence[Run], scales: Scales) -> tuple[Nuisance, 
         for load in loads
     ]
     logged = [name for name in CHANNELS if any(name in run.channels for run in runs)]
-    errors, skew = (
-        {name: sensor_errors(rig.sensors.get(name)) for name in logged},
-        SKEW / max(run.fs for run in runs),
-    )
+    errors = {name: sensor_errors(rig.sensors.get(name)) for name in logged}
+    late = LATE * scales.ramp / _electrical_angle(rig, scales)
+    skew = max(SKEW / max(run.fs for run in runs), late)
     for name in logged:
         path = f"sensors.gain.{name}"
         found.append(
@@ -180,6 +189,9 @@ def _of_the_rig(rig: Rig, scales: Scales, coarse: float) -> list[Nuisance]:
             per = IN_RIG.get(path, 1.0)
             of_the_model = OF_THE_MODEL.get((section, name), 0.0) * value.value
             of_the_model *= coarse if "inertia" in name else 1.0
+            if name == "l_s":
+                rising = RISING / _electrical_angle(rig, scales) * value.value
+                of_the_model = max(of_the_model, rising)
             of_the_bridge = OF_THE_BRIDGE * scales.voltage if name == "v_diode" else 0.0
             sd = math.hypot(value.u or 0.0, of_the_model, of_the_bridge)
             found.append(
@@ -193,6 +205,14 @@ def _of_the_rig(rig: Rig, scales: Scales, coarse: float) -> list[Nuisance]:
             Nuisance(name, unit, kind="law", sd=share * scales.of(scale), path=path, section=part)
         )
     return found
+
+
+def _electrical_angle(rig: Rig, scales: Scales) -> float:
+    """Angle by which the electrical period turns in a ramp at the top speed of the line, infinite
+    for a rig without a machine. [rad]
+    """
+    pairs = rig.generator.pole_pairs
+    return math.inf if pairs is None else pairs.value * scales.omega_rotor * scales.ramp
 
 
 def sensor_errors(sensor: Sensor | None) -> tuple[float, float]:
