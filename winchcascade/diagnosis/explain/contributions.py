@@ -195,12 +195,8 @@ def account_of(data: Fitted, one: WindowedLog, fit: Split, of_inputs: Signal) ->
 
 
 def _spread_of(slopes: Signal, covariance: Signal) -> Signal:
-    """Standard uncertainties by slopes over numbers, (..., 14) from (..., p, 14); most numbers of
-    many logs move nothing in one of them.
-    """
-    here = np.flatnonzero(slopes.any(axis=(*range(slopes.ndim - 2), -1)))
-    own, known = slopes[..., here, :], covariance[np.ix_(here, here)]
-    return np.asarray(np.sqrt(np.maximum(np.sum(own * (known @ own), axis=-2), 0.0)))
+    """Standard uncertainties by slopes over numbers, (..., 14) from (..., p, 14)."""
+    return np.asarray(np.sqrt(np.maximum(np.sum(slopes * (covariance @ slopes), axis=-2), 0.0)))
 
 
 def _values(one: WindowedLog, models: Sequence[Model]) -> Signal:

@@ -383,9 +383,7 @@ class Fitted:
         moved = [j for j, n in enumerate(self.nuisances[: self.simulated]) if n.kind != "gain"]
         variants = [(nu + PART * one[j], effects) for j in moved]
         there = self.predictions_near((nu, effects), variants, serves)
-        there -= at[:, :, None]
-        there /= PART
-        columns[:, :, moved] = there
+        columns[:, :, moved] = (there - at[:, :, None]) / PART
         for j, n in self._of_kind.get("gain", ()):
             columns[:, CHANNELS.index(n.name), j] = at[:, CHANNELS.index(n.name)] * n.sd
         return columns

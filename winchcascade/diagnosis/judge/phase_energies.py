@@ -195,6 +195,5 @@ def _variance(data: Fitted, known: Known, k: int, weights: Signal) -> float:
     by_nuisance = both[-known.by_course.shape[1] :]
     of_model = float(np.sum((known.by_course @ by_nuisance) ** 2))
     by_nuisance[known.by_course.any(axis=0)] = 0.0
-    here = np.flatnonzero(both)
-    follows = known.covariance[:, here] @ both[here]
+    follows = known.covariance @ both
     return max(noise + of_model - float(both @ follows) + 2.0 * float(outside @ follows), noise)
