@@ -28,16 +28,14 @@ Stage = Literal["restoring", "transmission", "gearbox", "generator", "load"]
 STAGES: tuple[str, ...] = get_args(Stage)
 """Stages in their order from the line to the load."""
 
-OF_LINE, OF_SHAFT = ("winch", "restoring"), ("winch", "drivetrain", "generator", "dc_link")
-
-PARTS_OF: dict[Stage, tuple[str, ...]] = {
-    "restoring": OF_LINE,
-    "transmission": OF_LINE,
-    "gearbox": OF_SHAFT,
-    "generator": OF_SHAFT,
+NUMBERS_OF: dict[Stage, tuple[str, ...]] = {
+    "restoring": ("winch", "restoring"),
+    "transmission": ("winch", "restoring"),
+    "gearbox": ("winch.r_drum", "drivetrain", "generator", "dc_link"),
+    "generator": ("winch.r_drum", "drivetrain.gear", "generator", "dc_link"),
     "load": ("dc_link",),
 }
-"""Parts of the model on whose numbers each stage depends."""
+"""Numbers of the model on which each stage depends, by their paths or whole parts."""
 
 MOVING = 3.0
 """Multiple of the speed in which friction turns below which it only bounds the force, and the
@@ -114,9 +112,7 @@ def along(run: Run, motion: LineMotion, ramp: float, clutch: Signal) -> Along:
     return Along(motion, ramp, x, v, a, (carries == 1.0) & (v > MOVING * motion.rest))
 
 
-def outputs_along(
-    run: Run, model: Model, course: Along, by: str | None = None
-) -> tuple[StageOutput, ...]:
+def outputs_along(run: Run, model: Model, course: Along, by: str = "") -> tuple[StageOutput, ...]:
     """Compute the output of each stage of a rig from its own measured inputs, in order from the
     line to the load.
 
@@ -135,8 +131,8 @@ def outputs_along(
     Parameters
     ----------
     course : motion of the log, as `along` lays it onto the stamps
-    by : name of a channel or part of the model on which a stage that is computed depends, by
-        default that of any
+    by : name of a channel or path of a number of the model on which a stage that is computed
+        depends; all stages by default
     """
     gas = ("pressure",) if model.restoring.has_gas else ()
     of_line = ("velocity", "force", *gas)
@@ -154,7 +150,7 @@ def outputs_along(
         StageOutput(stage, channel, inputs, model.sensors.recorded(channel, run.t, law()))
         for stage, channel, inputs, law in laws
         if set(inputs) <= set(run.channels)
-        and (by is None or by in {channel, *inputs, *PARTS_OF[stage]})
+        and (not by or by.startswith((channel, *inputs, *NUMBERS_OF[stage])))
         and (stage != "load" or math.isfinite(resistance))
         and (stage != "restoring" or gas)
     )

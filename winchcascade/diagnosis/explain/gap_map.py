@@ -180,7 +180,7 @@ def deviations(data: Fitted, number: int, moved: Mapping[int, Model]) -> Deviati
         if n.kind in READ and n.name in run.channels and n.log in (-1, number):
             changes[n] = gaps_of(misread(run, n.name, n.kind, n.sd), model, path, n.name)
         elif n.kind in MODELLED and (n.kind != "load" or n.load == log.load):
-            changes[n] = gaps_of(run, moved[j], path, n.path.split(".")[0])
+            changes[n] = gaps_of(run, moved[j], path, n.path)
     both = gaps_of(run, model, path), gaps_of(made, model, path)
     return Deviations(run, simulated, blocks, path, *both, changes)
 
@@ -240,9 +240,9 @@ def _thinned(log: Log) -> tuple[Run, Blocks]:
     return thinned, msgspec.structs.replace(blocks, start=start, stop=stop)
 
 
-def gaps_of(run: Run, model: Model, path: Along, by: str | None = None) -> dict[str, Signal]:
+def gaps_of(run: Run, model: Model, path: Along, by: str = "") -> dict[str, Signal]:
     """Measured minus predicted output of each stage, (n,), or of those that depend on a channel or
-    part of the model; NaN where the stage predicts nothing.
+    number of the model; NaN where the stage predicts nothing.
     """
     return {
         o.stage: run.channels[o.channel] - o.predicted

@@ -29,7 +29,7 @@ from winchcascade.diagnosis.explain.planned_run import (
 from winchcascade.diagnosis.fit.covariance import joint_covariance
 from winchcascade.diagnosis.fit.entries import LOAD
 from winchcascade.diagnosis.fit.evidence import ROUNDING, Fit
-from winchcascade.diagnosis.fit.marginal import WILD, Columns, are_together
+from winchcascade.diagnosis.fit.marginal import WILD, are_together
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.predict import CHANNELS
 from winchcascade.diagnosis.fit.suspects import freedom, varied
@@ -160,20 +160,15 @@ def foresee(
     carried = prospect.carried_beside(len(fields))
     new = ~(carried.any(axis=1) | np.append(np.zeros(len(fields), dtype=bool), zero))
     root = _root_of(carried @ known.covariance @ carried.T + np.diag(new.astype(np.float64)))
+    open_ = by_field @ root[: len(fields)] + columns @ root[len(fields) :]
     nothing: tuple[Signal, list[Signal]] = at, []
     other, others = nothing if true is None else _beside(prospect, known, true)
-    gap = runs.whiten(other - at)
+    both = np.column_stack([runs.whiten(other - at), open_]) / math.sqrt(scale)
     laws = [*_of_laws(acting, [name for name, *_ in fields], by_field), *others]
     zeros = columns.local[:, zero[runs.simulated :]].toarray()
     own = np.column_stack([zeros, *(LAW * law for law in laws)]) / math.sqrt(scale)
-
-    def of_run(blocks: slice) -> Signal:
-        rows = slice(len(CHANNELS) * blocks.start, len(CHANNELS) * blocks.stop)
-        of_nuisances = Columns(columns.dense[rows], columns.local[rows]) @ root[len(fields) :]
-        open_ = by_field[rows] @ root[: len(fields)] + of_nuisances
-        return _integrated(np.column_stack([gap[rows], open_]) / math.sqrt(scale), own[rows])
-
-    return Foreseen(np.array([of_run(blocks) for blocks in runs.rows]), root)
+    rows = [slice(len(CHANNELS) * one.start, len(CHANNELS) * one.stop) for one in runs.rows]
+    return Foreseen(np.array([_integrated(both[one], own[one]) for one in rows]), root)
 
 
 def _of_laws(

@@ -15,7 +15,9 @@ from winchcascade.diagnosis.fit.suspects import freedom, with_values
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from winchcascade.core.run import Signal
     from winchcascade.diagnosis.diagnosis_result import Names
+    from winchcascade.diagnosis.fit.suspects import Freedom
     from winchcascade.rig.effects.effect import ActiveEffect
 
 SURELY = 1.28
@@ -52,21 +54,20 @@ def thresholds(found: Found, relevance: Callable[[ActiveEffect], float]) -> tupl
     rows = []
     for name, effect in found.problem.suspects.items():
         free, share = freedom(effect), _smallest_share(found.expansion, name)
-        way = (
-            np.where(free.high - free.absent >= free.absent - free.low, free.high, free.low)
-            - free.absent
-        )
-        absent, value = with_values(effect, free.absent).reported, None
+        absent, value, way = with_values(effect, free.absent).reported, None, _way(free)
         if share is not None:
             size = relevance(with_values(effect, free.absent + share * way))
-            share = share / size if 0.0 < size < 1.0 else share
-            value = (
-                with_values(effect, free.absent + share * way).reported
-                if size > 0.0 and share <= 1.0
-                else None
-            )
+            if share <= min(size, 1.0):
+                named = free.absent + share / min(size, 1.0) * way
+                value = with_values(effect, named).reported
         rows.append(Threshold(name, absent, value, effect.unit))
     return tuple(rows)
+
+
+def _way(free: Freedom) -> Signal:
+    """The way of each field from where its effect is absent to the far end of its range, (k,)."""
+    up, down = free.high - free.absent, free.low - free.absent
+    return np.where(up >= -down, up, down)
 
 
 PRECISE = 1e-6
@@ -90,9 +91,8 @@ def _beyond(expansion: Expansion, name: str, share: float) -> float:
     it. [nats]
     """
     free, step = expansion.free, np.zeros_like(expansion.slope)
-    up, down = free.high - free.absent, free.low - free.absent
     own = expansion.index((name,))
-    step[own] = share * np.where(up >= -down, up, down)[own]
+    step[own] = share * _way(free)[own]
     z = math.sqrt(max(float(step @ expansion.curve @ step) / expansion.evidence.scale, 0.0))
     seen = expansion.curve @ step * max(1.0 - SURELY / max(z, 1e-12), 0.0)
     injected = msgspec.structs.replace(expansion, value=free.absent, slope=seen, acting=())

@@ -141,9 +141,7 @@ def _seen(course: Course, model: Model, speed: Signal, u_velocity: float) -> NDA
     if generator.k_e * rpm > 2.0 * generator.v_diode:
         seen[:, [vdc, idc]] &= moves
     if np.isinf(course.load):
-        bridge, bleed = (
-            course.block_mean(course.electrical(numbers, name)) for name in ("i_bridge", "idc")
-        )
+        bridge, bleed = course.block_mean(course.electrical(numbers, "i_bridge", "idc")).T
         seen[:, vdc] &= (bridge > CONDUCTING * bleed) | (hold & (blocks.cycle == 0))
         seen[:, idc] = False
     return seen

@@ -92,23 +92,18 @@ def grown(found: Found, columns: Signal, r: Signal, covariance: Signal, way: Sig
     return max(together / float(way @ covariance @ way), 1.0)
 
 
-def joint_covariance(found: Found, fit: Fit | None = None) -> Signal:
+def joint_covariance(found: Found, fit: Fit | None = None, columns: Signal | None = None) -> Signal:
     """Covariance of all fields of a fit, the best one by default, and then of its nuisances, (k +
     n, k + n): these follow the fields, and scatter about that as the data and their tolerances
     leave them.
-    """
-    fit = fit or found.best
-    return _joint(found, fit, found.columns(fit))
-
-
-def _joint(found: Found, fit: Fit, columns: Signal) -> Signal:
-    """Covariance as `joint_covariance` gives it.
 
     Parameters
     ----------
-    columns : as for `covariance_of`
+    columns : as for `covariance_of`, where they are known
     """
-    marginal, fields = found.marginal, covariance_of(found, fit, columns)
+    fit, marginal = fit or found.best, found.marginal
+    columns = found.columns(fit) if columns is None else columns
+    fields = covariance_of(found, fit, columns)
     follow = marginal.spread @ marginal.columns.onto(marginal.undone(columns))
     both = fields @ follow.T
     return np.block([[fields, both], [both.T, follow @ both + marginal.spread_in(found.scale)]])
@@ -150,7 +145,7 @@ def predictive_covariance(data: Fitted, found: Found, fit: Fit | None = None) ->
     columns = found.columns(fit)
     known, share = _known_and_found(data, found, fit, columns)
     excess = np.concatenate([np.zeros(fit.x.size), 1.0 - share])
-    return np.asarray(_joint(found, fit, columns) - (known * excess) @ known)
+    return np.asarray(joint_covariance(found, fit, columns) - (known * excess) @ known)
 
 
 def voltage_of_a_load(data: Fitted, found: Found) -> float:

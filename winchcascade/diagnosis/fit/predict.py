@@ -76,9 +76,9 @@ class Course:
         self._kept[key] = solved
         return solved
 
-    def electrical(self, numbers: Constants, name: str) -> Signal:
-        """Solve the shaft for one of the columns of `kernel.SHAFT`, on the grid, (n,)."""
-        return self._solve(numbers)[:, SHAFT.index(name)].copy()
+    def electrical(self, numbers: Constants, *names: str) -> Signal:
+        """Solve the shaft for some of the columns of `kernel.SHAFT`, on the grid, (n, k)."""
+        return self._solve(numbers)[:, [SHAFT.index(name) for name in names]]
 
     def _solve(self, numbers: Constants, gain: float = 1.0) -> Signal:
         """Solve the shaft, (n, 8) on the grid."""

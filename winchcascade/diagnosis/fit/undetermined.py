@@ -28,8 +28,10 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.fit.misfit import Fitted
     from winchcascade.diagnosis.fit.suspects import Suspects
 
-STEP = 1e-3
-"""Relative change of a number on either side by which its derivative is taken. [1]"""
+STEP = 1e-5
+"""Relative change of a number by which its derivative is taken: numbers move the logs by some 1e5
+standard deviations, and a direction must cancel to less than one, beside curvature and rounding.
+[1]"""
 
 UNSEEN = 1.0
 """Standard deviations of all logs together by which a direction moves them that they do not
@@ -121,11 +123,10 @@ def _moved(data: Fitted, path: str) -> Signal:
     """
     rows = []
     for log in (data.logs[k] for k in data.extreme_loads):
-        up, down = (
-            log.course.predict(changed(data.nominal, path, "scale", by)) for by in (STEP, -STEP)
-        )
-        seen = log.noise.seen & (log.noise.logged > 0.0) & np.isfinite(up - down)
-        z = np.divide(up - down, 2.0 * STEP * log.noise.logged, out=np.zeros_like(up), where=seen)
+        other = changed(data.nominal, path, "scale", STEP)
+        moved = log.course.predict(other) - log.course.predict(data.nominal)
+        seen = log.noise.seen & (log.noise.logged > 0.0) & np.isfinite(moved)
+        z = np.divide(moved, STEP * log.noise.logged, out=np.zeros_like(moved), where=seen)
         rows.append(z.ravel())
     return np.concatenate(rows)
 

@@ -58,16 +58,14 @@ def changes_of_means(data: Fitted, moved: Signal) -> Iterator[tuple[int, int, in
     ----------
     moved : as in `share_of_plateau`
     """
-    seen, phases = data.seen, len(PHASES)
-    place = np.repeat(np.arange(len(data.sizes)), data.sizes) * phases + data.blocks.phase
-    order = np.argsort(place, kind="stable")
-    cells, first = np.unique(place[order], return_index=True)
-    of_blocks = (np.add, seen), (np.add, moved * seen), (np.maximum, plateaus_of(data) * seen)
-    count, total, plateau = (over.reduceat(1.0 * x[order], first) for over, x in of_blocks)
-    change = total / np.maximum(count, 1.0) / np.maximum(plateau, 1e-12)
-    for cell, k in np.argwhere(plateau > 0.0).tolist():
-        log, phase = divmod(int(cells[cell]), phases)
-        yield log, k, phase, float(change[cell, k])
+    place = np.repeat(np.arange(len(data.sizes)), data.sizes), data.blocks.phase
+    count, total, plateau = np.zeros((3, len(data.sizes), len(PHASES), len(CHANNELS)))
+    np.add.at(count, place, data.seen)
+    np.add.at(total, place, np.where(data.seen, moved, 0.0))
+    np.maximum.at(plateau, place, data.seen * plateaus_of(data))
+    for log, phase, k in np.argwhere(plateau > 0.0).tolist():
+        cell = log, phase, k
+        yield log, k, phase, float(total[cell] / (count[cell] * max(plateau[cell], 1e-12)))
 
 
 def minor_of(
