@@ -42,7 +42,8 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.explain.planned_run import planned
 from winchcascade.diagnosis.explain.planning import CLEAR, listed, options_after
 from winchcascade.diagnosis.explain.windowed import QUANTITIES, quantities_of, windowed
-from winchcascade.diagnosis.handover.posterior import Band, posterior_of_rig, tested_by
+from winchcascade.diagnosis.handover.posterior import Band, posterior_of_rig
+from winchcascade.diagnosis.handover.tested import tested_by
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.phased_run import find_phases

@@ -28,12 +28,8 @@ from winchcascade.core.jobs import one_thread_each
 from winchcascade.core.run import Signal
 from winchcascade.design.design import design
 from winchcascade.design.design_result import Limits
-from winchcascade.diagnosis.handover.posterior import (
-    RigPosterior,
-    Tested,
-    posterior_of_rig,
-    tested_by,
-)
+from winchcascade.diagnosis.handover.posterior import RigPosterior, posterior_of_rig
+from winchcascade.diagnosis.handover.tested import Tested, tested_by
 from winchcascade.sea.in_sea import Control, fixed, scheduled
 from winchcascade.sea.line_motion import LEAD_IN
 from winchcascade.sea.sea_study import Seas, sea_study

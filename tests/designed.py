@@ -11,12 +11,8 @@ from diagnosed import diagnosed
 
 from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.handover.posterior import (
-    RigPosterior,
-    Tested,
-    posterior_of_rig,
-    tested_by,
-)
+from winchcascade.diagnosis.handover.posterior import RigPosterior, posterior_of_rig
+from winchcascade.diagnosis.handover.tested import Tested, tested_by
 from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect

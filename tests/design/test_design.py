@@ -27,7 +27,8 @@ from winchcascade.design.design import design
 from winchcascade.design.design_result import METRIC, Design, Limits
 from winchcascade.design.operating import PLACE, path_of, planned_cycle, points
 from winchcascade.diagnosis.diagnosis_result import Judgement
-from winchcascade.diagnosis.handover.posterior import NEAR, RigPosterior
+from winchcascade.diagnosis.handover.posterior import RigPosterior
+from winchcascade.diagnosis.handover.tested import NEAR
 from winchcascade.report.results.design_report import design_record, schedule_csv
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.handover.posterior import Tested
+    from winchcascade.diagnosis.handover.tested import Tested
     from winchcascade.rig.parts import Model
 
 BOTH = Judgement("explained", causes=("copper_heating", "line_drag"))

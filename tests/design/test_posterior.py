@@ -15,7 +15,7 @@ from rigs import calibrated_rig
 
 from winchcascade.core.errors import OptionError
 from winchcascade.diagnosis.diagnose import diagnose
-from winchcascade.diagnosis.handover.posterior import posterior_from, posterior_record
+from winchcascade.diagnosis.handover.posterior_record import posterior_from, posterior_record
 from winchcascade.report.results.diagnosis_record import as_json
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.run_order import RunOrder, lasting_heat, warming
@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
     from winchcascade.core.run import Mask, Signal
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.diagnosis.handover.posterior import RigPosterior, Tested
+    from winchcascade.diagnosis.handover.posterior import RigPosterior
+    from winchcascade.diagnosis.handover.tested import Tested
 
 SHARE = 1e-8
 """Variance along directions that count as known, as a share of that of each number. [1]"""

@@ -16,8 +16,9 @@ from winchcascade.batch.seas_given import seas_of
 from winchcascade.core.errors import OptionError
 from winchcascade.design import operating
 from winchcascade.diagnosis.diagnosis_result import Judgement
-from winchcascade.diagnosis.handover.posterior import RigPosterior, posterior_record
-from winchcascade.diagnosis.handover.posterior import Tested as Covered
+from winchcascade.diagnosis.handover.posterior import RigPosterior
+from winchcascade.diagnosis.handover.posterior_record import posterior_record
+from winchcascade.diagnosis.handover.tested import Tested as Covered
 from winchcascade.ingest.read import read_run
 from winchcascade.sea.hydrodynamics import Hydrodynamics, read_float
 from winchcascade.sea.sea_study import Seas, SeaStudy, sea_study

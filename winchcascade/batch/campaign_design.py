@@ -19,13 +19,16 @@ from winchcascade.design.operating import Motion, motion_of_run
 from winchcascade.design.run_plan import MOST, RunPlan, after, before, determine
 from winchcascade.design.run_plan import separate as split
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.handover.posterior import posterior_from, posterior_of_rig, tested_by
+from winchcascade.diagnosis.handover.posterior import posterior_of_rig
+from winchcascade.diagnosis.handover.posterior_record import posterior_from
+from winchcascade.diagnosis.handover.tested import tested_by
 from winchcascade.ingest.read import read_run
 from winchcascade.rig.baseline import load_rig
 from winchcascade.rig.effects.catalogue import EFFECTS
 
 if TYPE_CHECKING:
-    from winchcascade.diagnosis.handover.posterior import RigPosterior, Tested
+    from winchcascade.diagnosis.handover.posterior import RigPosterior
+    from winchcascade.diagnosis.handover.tested import Tested
 
 SEA = ("speed_mps", "cycles_per_year")
 """Columns of a table of payout speeds."""

@@ -24,7 +24,8 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import use_threads
 
 if TYPE_CHECKING:
-    from winchcascade.diagnosis.handover.posterior import RigPosterior, Tested
+    from winchcascade.diagnosis.handover.posterior import RigPosterior
+    from winchcascade.diagnosis.handover.tested import Tested
     from winchcascade.sea.in_sea import Control
 
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from winchcascade.design.design_result import Repair, Share
 from winchcascade.design.operating import PLACE, Motion, Path, path_of, points
-from winchcascade.diagnosis.handover.posterior import Band, RigPosterior, Tested
+from winchcascade.diagnosis.handover.posterior import Band, RigPosterior
+from winchcascade.diagnosis.handover.tested import Tested
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.diagnosis.verdict_limits import LAW
 

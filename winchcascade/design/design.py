@@ -32,7 +32,8 @@ from winchcascade.design.operating import (
     points,
     require_positive,
 )
-from winchcascade.diagnosis.handover.posterior import Band, RigPosterior, Tested
+from winchcascade.diagnosis.handover.posterior import Band, RigPosterior
+from winchcascade.diagnosis.handover.tested import Tested
 from winchcascade.rig.best_load import largest_at
 from winchcascade.rig.physics import RPM
 

@@ -10,7 +10,8 @@ import msgspec
 
 from winchcascade.core.viewed import Viewed
 from winchcascade.design.operating import PLACE, Motion
-from winchcascade.diagnosis.handover.posterior import Band, Tested
+from winchcascade.diagnosis.handover.posterior import Band
+from winchcascade.diagnosis.handover.tested import Tested
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal

@@ -16,7 +16,8 @@ from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.jobs import all_at_once
 from winchcascade.core.run import Signal
 from winchcascade.core.viewed import Viewed
-from winchcascade.diagnosis.handover.posterior import NEAR, Band, RigPosterior, Tested
+from winchcascade.diagnosis.handover.posterior import Band, RigPosterior
+from winchcascade.diagnosis.handover.tested import NEAR, Tested
 from winchcascade.diagnosis.judge.causes import COVERED
 from winchcascade.rig.best_load import largest_at
 from winchcascade.rig.kernel import COLUMNS

@@ -20,7 +20,9 @@ from winchcascade.diagnosis.diagnosis_result import (
 from winchcascade.diagnosis.explain.validation import Validated
 from winchcascade.diagnosis.fit.entries import effect_name
 from winchcascade.diagnosis.fit.nuisances import calibrated_numbers
-from winchcascade.diagnosis.handover.posterior import posterior_of_rig, posterior_record, tested_by
+from winchcascade.diagnosis.handover.posterior import posterior_of_rig
+from winchcascade.diagnosis.handover.posterior_record import posterior_record
+from winchcascade.diagnosis.handover.tested import tested_by
 from winchcascade.diagnosis.stages.diagnose_stages import StageDiagnosis
 from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report.diagnosis_names import about_words, files_of, items_of, origins_of

@@ -14,7 +14,7 @@ import numpy as np
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.explain.validation import Compared, Validated
-from winchcascade.diagnosis.handover.posterior import Tested, tested_by
+from winchcascade.diagnosis.handover.tested import Tested, tested_by
 from winchcascade.report.content import (
     PAIRS,
     Cell,
