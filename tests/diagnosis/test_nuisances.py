@@ -86,7 +86,8 @@ def test_the_bridge_of_a_slow_machine_is_known_less_well_when_its_current_rises(
     # 2 l_s di/dt over the drop of the model, at a current that reaches its size within the ramp
     inductance = RIG.generator.l_s
     assert inductance is not None
-    rising = 2.0 / (2.0 * math.pi * SCALES.ramp / period) * inductance.value
+    of_the_model = 3.0 / math.pi * 2.0 * math.pi / period
+    rising = 2.0 / SCALES.ramp / of_the_model * inductance.value
     stated = STATED["generator", "l_s"]
     assert found["rig", "l_s"] == pytest.approx(math.hypot(stated, rising), rel=1e-3)
     changed = {("timing", name) for name in ("force", "torque", "vdc", "idc")} | {("rig", "l_s")}

@@ -70,15 +70,15 @@ SKEW = 0.05
 sample's interval, one standard uncertainty, assumed. The pressure changes too slowly for it to
 matter. [1]"""
 
-LATE = math.pi / 12.0
-"""Radians of the electrical period by which a bridge answers late, one standard uncertainty: that
-of the model answers at once, a real one at its next commutation, within a sixth of a period. At the
-top speed of the line. [rad]"""
+LATE = 1 / 24
+"""Share of an electrical period by which a bridge answers late, one standard uncertainty: that of
+the model answers at once, a real one at its next commutation, within a sixth of a period. Of the
+period at the top speed of the line. [1]"""
 
-RISING = 2.0
+RISING = 1 / 3
 """Voltage `2 l_s di/dt` of a current that rises in a ramp, which the model leaves out, over the
-drop by commutation `(3/pi) w_e l_s i`: about this over the radians of the electrical period in the
-ramp, by which the inductance is uncertain. [rad]"""
+drop by commutation `(3/pi) w_e l_s i`: this over the number of electrical periods in the ramp. The
+inductance is uncertain by as much. [1]"""
 
 LOAD = "dc_link.load_change"
 """Path in the model of the deviation of a load."""
@@ -144,7 +144,7 @@ def nuisances(rig: Rig, runs: Sequence[Run], scales: Scales) -> tuple[Nuisance, 
     ]
     logged = [name for name in CHANNELS if any(name in run.channels for run in runs)]
     errors = {name: sensor_errors(rig.sensors.get(name)) for name in logged}
-    late = LATE * scales.ramp / _electrical_angle(rig, scales)
+    late = LATE * scales.ramp / _periods_in_a_ramp(rig, scales)
     skew = max(SKEW / max(run.fs for run in runs), late)
     for name in logged:
         path = f"sensors.gain.{name}"
@@ -190,7 +190,7 @@ def _of_the_rig(rig: Rig, scales: Scales, coarse: float) -> list[Nuisance]:
             of_the_model = OF_THE_MODEL.get((section, name), 0.0) * value.value
             of_the_model *= coarse if "inertia" in name else 1.0
             if name == "l_s":
-                rising = RISING / _electrical_angle(rig, scales) * value.value
+                rising = RISING / _periods_in_a_ramp(rig, scales) * value.value
                 of_the_model = max(of_the_model, rising)
             of_the_bridge = OF_THE_BRIDGE * scales.voltage if name == "v_diode" else 0.0
             sd = math.hypot(value.u or 0.0, of_the_model, of_the_bridge)
@@ -207,12 +207,14 @@ def _of_the_rig(rig: Rig, scales: Scales, coarse: float) -> list[Nuisance]:
     return found
 
 
-def _electrical_angle(rig: Rig, scales: Scales) -> float:
-    """Angle by which the electrical period turns in a ramp at the top speed of the line, infinite
-    for a rig without a machine. [rad]
+def _periods_in_a_ramp(rig: Rig, scales: Scales) -> float:
+    """Number of electrical periods in a ramp at the top speed of the line, infinite for a rig
+    without a machine. [1]
     """
     pairs = rig.generator.pole_pairs
-    return math.inf if pairs is None else pairs.value * scales.omega_rotor * scales.ramp
+    if pairs is None:
+        return math.inf
+    return pairs.value * scales.omega_rotor * scales.ramp / (2.0 * math.pi)
 
 
 def sensor_errors(sensor: Sensor | None) -> tuple[float, float]:
