@@ -11,8 +11,8 @@ import math
 from collections.abc import Mapping, Set
 
 from winchcascade.core.accuracy import ErrorSource
-from winchcascade.core.cascade import Stream, Term
-from winchcascade.core.integrate import integrals_of, slope_of
+from winchcascade.core.cascade import Term
+from winchcascade.core.integrate import Stretch, integrals_of, slope_of
 from winchcascade.core.run import Signal
 from winchcascade.reduction.reduction_result import Reduction
 
@@ -61,7 +61,7 @@ def lag_rates(reduction: Reduction, late: Set[str], spans: Signal) -> Rates:
     run, radius = reduction.run, reduction.rig.r_drum
     powers = reduction.rig.cascade.powers(run.channels, radius)
 
-    def stream(term: Term, moved: str) -> Stream:
+    def stream(term: Term, moved: str) -> Stretch:
         others = [run.channels[name] for name in term.channels if name != moved]
         slope, scale = slope_of(run.t, run.channels[moved]), term.scale(radius)
         return lambda part: math.prod((x[part] for x in others), start=scale * slope(part))
