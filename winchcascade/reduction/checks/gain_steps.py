@@ -25,18 +25,37 @@ LOWEST = 0.1
 """Lowest level of a step, as a share of the largest value, and its distance from that: beyond are
 zeros, and noise of the plateau. [1]"""
 
+OWN = 1e-9
+"""Least determinant of the products of columns of unit norm that count as columns of their own.
+[1]"""
+
 PARTNERS = (("vdc", "idc", 1), ("torque", "force", 2))
 """Two channels of which each is a polynomial of this degree of the other. At the onset the friction
 of the restoring module reverses, so that the tension counts after it."""
 
 
 class Fitted(NamedTuple):
-    """Weights of columns, their standard errors, and the sum of squares of the residual as a share
-    of the variance of y [1]."""
+    """Least squares of y, (n,), by columns: these without their means and of unit norm, (m, n), and
+    their norms, (m,); the inverse of their products, (m, m), and the determinant of these; weights
+    of the columns, (m,); residual, (n,), and the sum of its squares as a share of the variance of
+    y [1]."""
 
+    columns: Signal
+    size: Signal
+    inverse: Signal
+    determinant: float
     weight: Signal
-    error: Signal
-    residual: float
+    residual: Signal
+    share: float
+
+
+class Step(NamedTuple):
+    """Height of a step that a fit lacks, its standard error, and the standard deviation of what it
+    leaves."""
+
+    height: float
+    error: float
+    left: float
 
 
 def stepped(log: PhasedLog) -> Iterator[Fault]:
@@ -105,30 +124,43 @@ def ramp_of(log: PhasedLog, k: int, partners: tuple[str, str], *, of_line: bool)
 
 
 def fit(columns: Signal, y: Signal) -> Fitted | None:
-    """Regress y, (n,), on columns, (m, n), and a constant; None where a column is not its own.
-
-    The residual is correlated from sample to sample, so that fewer of them count.
-    """
+    """Regress y, (n,), on columns, (m, n), and a constant; None where a column is not its own."""
     if y.size < max(MIN_COMPARED, 5 * len(columns)):
         return None
     columns, y = columns - columns.mean(axis=1, keepdims=True), y - y.mean()
-    product = np.einsum(
-        "ij,kj->ik", columns, columns
-    )  # not by BLAS, whose threads wait for each other
-    size, of_y = np.sqrt(product.diagonal()), float(y @ y)
+    size, of_y = np.sqrt(np.einsum("ij,ij->i", columns, columns)), float(y @ y)
     if not size.all() or of_y == 0.0:
         return None
-    product /= size * size[:, None]
-    if np.linalg.det(product) < 1e-9:
+    columns /= size[:, None]
+    product = np.einsum("ij,kj->ik", columns, columns)  # not by BLAS, whose threads wait
+    determinant = float(np.linalg.det(product))
+    if determinant < OWN:
         return None
     inverse = np.linalg.inv(product)
-    weight = inverse @ (np.einsum("ij,j->i", columns, y) / size)
-    residual = y - np.einsum("i,ij->j", weight / size, columns)
+    weight = inverse @ np.einsum("ij,j->i", columns, y)
+    residual = y - np.einsum("i,ij->j", weight, columns)
+    share = float(residual @ residual) / of_y
+    return Fitted(columns, size, inverse, determinant, weight / size, residual, share)
+
+
+def step_beside(course: Fitted, column: Signal) -> Step | None:
+    """Regress on one more column, (n,), too; None where it is not its own.
+
+    The residual is correlated from sample to sample, so that fewer of them count.
+    """
+    column = column - column.mean()
+    along = course.inverse @ np.einsum("ij,j->i", course.columns, column)
+    own = column - np.einsum("i,ij->j", along, course.columns)
+    square, n = float(own @ own), column.size
+    if n < 5 * (len(course.size) + 1) or course.determinant * square < OWN * (column @ column):
+        return None
+    height = float(own @ course.residual) / max(square, SMALLEST)
+    residual = course.residual - height * own
     left = float(residual @ residual)
     following = float(residual[1:] @ residual[:-1]) / max(left, SMALLEST)
     fewer = max((1.0 + following) / max(1.0 - following, 1e-3), 1.0)
-    error = np.sqrt(inverse.diagonal() * left * fewer / y.size)
-    return Fitted(weight / size, error / size, left / of_y)
+    error = math.sqrt(left * fewer / n / max(square, SMALLEST))
+    return Step(height, error, math.sqrt(left / n))
 
 
 def largest_step(y: Signal, smooth: Signal, zero: float) -> tuple[float, float, float, float]:
@@ -140,7 +172,7 @@ def largest_step(y: Signal, smooth: Signal, zero: float) -> tuple[float, float, 
     of x does, and a step of its size is none, nor is one that the zero of a sensor explains, or
     that hides in what the columns leave. At half of the scale, a gain is twice its step."""
     course = fit(smooth, y)
-    if course is None or course.residual > FOLLOWS:
+    if course is None or course.share > FOLLOWS:
         return 0.0, 0.0, 0.0, 0.0
     top, level = largest(y), course.weight @ smooth
     level += float(np.mean(y - level))
@@ -148,12 +180,10 @@ def largest_step(y: Signal, smooth: Signal, zero: float) -> tuple[float, float, 
     between = (level[order[1:]] > LOWEST * top) & (level[order[1:]] < (1.0 - LOWEST) * top)
     weight = np.where(between, np.sqrt(place * (y.size - place)), np.inf)
     best = level[order[int(np.argmax(np.abs(np.cumsum((y - level)[order])[:-1]) / weight)) + 1]]
-    found = fit(np.vstack((smooth, level >= best)), y)
-    if (
-        found is None or abs(found.weight[-1]) < (CERTAIN + 1.0) * found.error[-1]
-    ):  # as one of many levels
+    step = step_beside(course, (level >= best).astype(np.float64))
+    # As one of many levels.
+    if step is None or abs(step.height) < (CERTAIN + 1.0) * step.error:
         return 0.0, 0.0, 0.0, 0.0
-    change, left = float(found.weight[-1]), math.sqrt(found.residual) * float(np.std(y))
-    if abs(change) < max(0.5 * REPORTED * top, left, zero, 2.0 * white_noise(level)):
+    if abs(step.height) < max(0.5 * REPORTED * top, step.left, zero, 2.0 * white_noise(level)):
         return 0.0, 0.0, 0.0, 0.0
-    return abs(change / float(found.error[-1])), change / top, change, float(best)
+    return abs(step.height / step.error), step.height / top, step.height, float(best)
