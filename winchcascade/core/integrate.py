@@ -69,6 +69,17 @@ def median(x: Signal) -> float:
     return quantile(x, 0.5)
 
 
+def between(rising: Signal, share: float) -> float:
+    """Value at a share of the places of rising values, by linear interpolation; there is one.
+
+    >>> between(np.array([1.0, 2.0, 4.0]), 0.75)
+    3.0
+    """
+    place = share * (rising.size - 1)
+    low, high = float(rising[int(place)]), float(rising[math.ceil(place)])
+    return low + (place - int(place)) * (high - low)
+
+
 def distinct(x: Ordered) -> Ordered:
     """Different finite values in rising order, as `numpy.unique` has them.
 
@@ -137,8 +148,8 @@ def positive_median(x: Signal) -> float:
     """Median of the values above zero, 0 where there is none: the usual interval of stamps, the
     usual size of changes.
     """
-    above, rest = np.count_nonzero(x > 0), np.count_nonzero(x <= 0)  # which come first in order
-    return _in_order(x.copy(), rest + 0.5 * (above - 1)) if above else 0.0
+    above = x[x > 0]
+    return _in_order(above, 0.5 * (above.size - 1)) if above.size else 0.0
 
 
 def usual_interval(t: Signal) -> float:
@@ -250,10 +261,10 @@ def integrals_to(t: Signal, streams: Sequence[Stretch], ends: Signal) -> Signal:
         x = np.array([stream(slice(start, stop + 1)) for stream in streams])
         first, last = rows.searchsorted((start, stop))
         step, here = np.diff(t[start : stop + 1]), rows[first:last] - start
-        areas = (x[:, 1:] + x[:, :-1]) * (0.5 * step)
-        parts = np.add.reduceat(areas, np.append(0, here), axis=1)
+        areas, cuts = (x[:, 1:] + x[:, :-1]) * (0.5 * step), np.append(0, here)
+        parts = np.add.reduceat(areas, cuts, axis=1)
         # reduceat gives the sample itself for a part without length
-        parts[:, np.flatnonzero(np.diff(here, prepend=0) == 0)] = 0.0
+        parts[:, :-1][:, cuts[1:] == cuts[:-1]] = 0.0
         parts[:, 0] += before
         sums = parts.cumsum(axis=1)
         # On to each end, along the straight line between two samples.

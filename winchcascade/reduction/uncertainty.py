@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import cache, cached_property
-from itertools import combinations
+from itertools import accumulate, combinations
 
 import msgspec
 import numpy as np
@@ -130,8 +130,8 @@ class Energy(msgspec.Struct, frozen=True, dict=True):
     def joules(self) -> Signal:
         """Energies as reduced, (k,). [J]"""
         sizes = [len(_subsets(channels)) for channels, _ in self.terms]
-        whole = np.cumsum([0, *sizes[:-1]])  # of each term the product of all its channels
-        return np.asarray(self.integrals[whole].sum(axis=0))
+        whole = accumulate(sizes[:-1], initial=0)  # of each term the product of all its channels
+        return np.asarray(sum(self.integrals[row] for row in whole))
 
     @property
     def channels(self) -> set[str]:
@@ -214,25 +214,27 @@ def error_model(reduction: Reduction) -> ErrorModel:
     spans = spans_of(
         [c.window for c in cycles], [c.phases for c in cycles], [c.net for c in cycles]
     )
-    nothing, names = np.zeros(len(cycles)), [*spans]
-    of_stage = integrated(reduction, np.concatenate([*spans.values()]))
-    energies = {}
+    every, nothing = np.concatenate([*spans.values()]), np.zeros(len(cycles))
+    in_time = np.zeros(len(every))
+    lags = lag_sources(reduction)
+    rates = lag_rates(reduction, {name for _, moved in lags for name in moved}, every)
+    of_stage, energies = integrated(reduction, every), {}
     for part, (stage, span) in rig.cascade.parts.items():
         if stage in of_stage and any(c.metrics[f"energy_{part}"] is not None for c in cycles):
             terms, joules = of_stage[stage]
-            joules = (
-                SIGN.get(part, 1.0)
-                * joules.reshape(len(joules), len(spans), -1)[:, names.index(span)]
-            )
-            sampled, gaps = (
-                reduction.sampled.get(part, nothing),
-                reduction.bridged.get(part, nothing),
-            )
+            late = [
+                sum((rates[stage][name] for name in moved if name in rates[stage]), start=in_time)
+                for _, moved in lags
+            ]
+            first = [*spans].index(span) * len(cycles)
+            here = slice(first, first + len(cycles))
+            sign, bridged = SIGN.get(part, 1.0), reduction.bridged.get(part, nothing)
+            rows = sign * joules[:, here], reduction.sampled.get(part, nothing)
             energies[part] = Energy(
                 terms,
-                np.vstack((joules, sampled)),
-                np.ptp(spans[span], axis=1),
-                np.array(gaps) / math.sqrt(3.0),
+                np.vstack((*rows, *(sign * rate[here] for rate in late))),
+                every[here, 1] - every[here, 0],
+                np.array(bridged) / math.sqrt(3.0),
             )
     sources = _of_sensors(rig.sensors, energies)
     radius = rig.winch.r_drum
@@ -244,7 +246,8 @@ def error_model(reduction: Reduction) -> ErrorModel:
         basis: Basis = "limits" if radius.rectangular else "standard_uncertainty"
         limit = math.sqrt(3.0) * u if radius.rectangular else None
         sources.append(ErrorSource(R_DRUM, "gain", u, limit, radius.source, basis))
-    sums = [(abs(e.integrals[-1].sum()), abs(e.joules.sum())) for e in energies.values()]
+    sampling = -1 - len(lags)
+    sums = [(abs(e.integrals[sampling].sum()), abs(e.joules.sum())) for e in energies.values()]
     least = NOTHING * max((float(joules) for _, joules in sums), default=0.0)
     if share := max(
         (float(thinned / joules) for thinned, joules in sums if joules > least), default=0.0
@@ -254,22 +257,7 @@ def error_model(reduction: Reduction) -> ErrorModel:
             ErrorSource(SAMPLING, "gain", share / math.sqrt(3.0), share, origin, "resampling")
         )
         for energy in energies.values():
-            energy.integrals[-1] /= share
-    lags = lag_sources(reduction)
-    late = {name for _, moved in lags for name in moved}
-    rates = lag_rates(reduction, late, np.concatenate([*spans.values()]))
-    for part, (stage, span) in rig.cascade.parts.items():
-        if part in energies:
-            of = {
-                name: SIGN.get(part, 1.0) * x.reshape(len(spans), -1)[names.index(span)]
-                for name, x in rates[stage].items()
-            }
-            rows = [
-                sum((of[name] for name in moved if name in of), start=nothing) for _, moved in lags
-            ]
-            energies[part] = msgspec.structs.replace(
-                energies[part], integrals=np.vstack((energies[part].integrals, *rows))
-            )
+            energy.integrals[sampling] /= share
     return ErrorModel(energies, (*sources, *(source for source, _ in lags)))
 
 
@@ -334,27 +322,33 @@ def _weights(reduction: Reduction, model: ErrorModel) -> tuple[dict[str, str], S
     for none; and the change of each with each energy of a cycle, (m, e, k), NaN for a cycle without
     the metric.
     """
-    cascade, energies = reduction.rig.cascade, model.energies
+    cascade, energies, k = reduction.rig.cascade, model.energies, len(reduction.cycles)
     known, place = {n for n, lacks in model.lacking.items() if not lacks}, [*energies]
-    divisors: dict[str, str] = {}
-    found = []
+    divisors, outs = dict[str, str](), list[str]()
     for metric in cascade.all_metrics:
         names = cascade.all_ratios.get(metric, (metric.replace("power_", "energy_"), ""))
         out, into = (name.removeprefix("energy_") for name in names)
-        if not known.issuperset({out, into or out}):
-            continue
-        divisors[metric] = into
-        weights = np.zeros((len(energies), len(reduction.cycles)))
-        lacks = [cycle.metrics[metric] is None for cycle in reduction.cycles]
-        span = energies[out].t if metric.startswith("power_") else 1.0
-        divided = np.where(lacks, np.nan, energies[into].joules if into else span)
-        weights[place.index(out)] = 1.0 / divided
+        if known.issuperset({out, into or out}):
+            divisors[metric] = into
+            outs.append(out)
+    divided = [
+        energies[into].joules
+        if into
+        else energies[out].t
+        if of.startswith("power_")
+        else np.ones(k)
+        for (of, into), out in zip(divisors.items(), outs, strict=True)
+    ]
+    given = [[c.metrics[metric] is not None for c in reduction.cycles] for metric in divisors]
+    shape = len(divisors), k
+    divisor = np.where(np.reshape(given, shape), np.reshape(divided, shape), np.nan)
+    weights = np.zeros((len(divisors), len(energies), k))
+    weights[np.arange(len(outs)), [place.index(out) for out in outs]] = 1.0 / divisor
+    for row, (out, into) in enumerate(zip(outs, divisors.values(), strict=True)):
         if into:
-            eta = np.maximum(energies[out].joules / divided, NOTHING)
-            weights[place.index(into)] = -eta / divided
-        weights[:, lacks] = np.nan
-        found.append(weights)
-    return divisors, np.reshape(found, (len(found), len(energies), len(reduction.cycles)))
+            eta = np.maximum(energies[out].joules / divisor[row], NOTHING)
+            weights[row, place.index(into)] = -eta / divisor[row]
+    return divisors, weights
 
 
 def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
