@@ -112,8 +112,14 @@ def run_batch(
     with locked(out, watch.waiting):
         runs = inside(out, "runs")
         make_one(runs)
-        there = {work.name: state_of(runs, result_of(work, products.reports)) for work in plan.work}
-        todo = {work.name: work for work in plan.work if not there[work.name].kept}
+        earlier = {*os.listdir(runs)}  # the digest of a log takes a part of what reading it does
+        there = {
+            work.name: state_of(runs, result_of(work, products.reports))
+            for work in plan.work
+            if f"{work.name}.json" in earlier
+        }
+        done = {name for name, found in there.items() if found.kept}
+        todo = {work.name: work for work in plan.work if work.name not in done}
         _check_own(out, todo, force=force)
         watch.begin(len(plan.work) - len(todo), len(todo))
         faults: dict[str, str] = {}
