@@ -268,12 +268,11 @@ def integrals_to(t: Signal, streams: Sequence[Stretch], ends: Signal) -> Signal:
         parts[:, 0] += before
         sums = parts.cumsum(axis=1)
         # On to each end, along the straight line between two samples.
-        inside = into[first:last]
-        half_slope = 0.5 * inside / step[here] * (x[:, here + 1] - x[:, here])
-        found[:, first:last] = sums[:, :-1] + inside * (x[:, here] + half_slope)
+        inside, near, after = into[first:last], x.take(here, axis=1), x.take(here + 1, axis=1)
+        half_share = 0.5 * inside / step[here]
+        found[:, first:last] = sums[:, :-1] + inside * (near + half_share * (after - near))
         before = sums[:, -1]
-    found[:, order] = found.copy()
-    return found
+    return found.take(order.argsort(), axis=1)
 
 
 def running(t: Signal, stream: Stretch, ends: Index) -> Signal:
