@@ -53,8 +53,8 @@ def local_quadratic(t: Signal, x: Signal, width: float) -> Signal:
         return x.copy()
     if t.size > 2 * half:  # a width of more intervals than the log has would make as many weights
         weights, rows = smoothing_weights(half), x.reshape(-1, t.size)
-        smoothed = np.array([np.convolve(row, weights, mode="same") for row in rows])
-        smoothed = smoothed.reshape(x.shape)
+        smoothed, *others = [np.convolve(row, weights, mode="same") for row in rows]
+        smoothed = np.stack((smoothed, *others)) if x.ndim > 1 else smoothed
     else:
         smoothed = x.copy()
     by_fit = _near(_uneven(t, usual), half, t.size)

@@ -33,6 +33,9 @@ STORED_WITHIN = 1 / 3
 smooths the velocity: short against a braking. What remains of the noise averages out in a bin, as
 its changes add up to the difference of the ends. [1]"""
 
+AT_ONCE = BLOCK // 8
+"""Number of samples of which all powers are made at a time."""
+
 BINS_MIN = 20
 """Minimum number of bins up to the maximum speed where the rig file states no width: the paper
 has 32.
@@ -224,8 +227,8 @@ def bin_powers(
     low, high = (math.floor(of(speed[driven]) * (rpm / width)) for of in (np.min, np.max))
     count, names = np.zeros(high - low + 1, dtype=np.intp), list[str]()
     sums: list[Signal] = []
-    for start in range(0, driven.size, BLOCK):
-        rows = start + np.flatnonzero(driven[start : start + BLOCK])
+    for start in range(0, driven.size, AT_ONCE):
+        rows = start + np.flatnonzero(driven[start : start + AT_ONCE])
         if rows.size:
             number = np.floor(speed[rows] * (rpm / width)).astype(np.intp) - low
             count += np.bincount(number, minlength=count.size)

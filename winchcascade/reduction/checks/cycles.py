@@ -133,9 +133,9 @@ def copied_cycles(log: PhasedLog) -> Iterator[Fault]:
         return
     windows = [(c.window.onset, c.window.cutoff) for c in log.complete]
     rows = [log.phased.rows(*window) for window in windows]
-    keys = [row_keys(x[part] for x in channels.values()) for part in rows]
-    every, sizes = np.concatenate(keys), [part.size for part in keys]
-    of_cycle = np.repeat(np.arange(len(keys)), sizes)
+    every = np.concatenate([row_keys(x[part] for x in channels.values()) for part in rows])
+    sizes = [part.stop - part.start for part in rows]
+    of_cycle = np.repeat(np.arange(len(rows), dtype=np.int32), sizes)
     order = np.argsort(every, kind="stable")
     begins = np.flatnonzero(np.diff(every[order], prepend=np.nan))
     first = np.empty_like(of_cycle)  # of the cycles that hold an equal row
