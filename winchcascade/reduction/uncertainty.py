@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import cache, cached_property
-from itertools import accumulate, combinations
+from itertools import accumulate, combinations, compress
 
 import msgspec
 import numpy as np
@@ -322,33 +322,24 @@ def _weights(reduction: Reduction, model: ErrorModel) -> tuple[dict[str, str], S
     for none; and the change of each with each energy of a cycle, (m, e, k), NaN for a cycle without
     the metric.
     """
-    cascade, energies, k = reduction.rig.cascade, model.energies, len(reduction.cycles)
+    cascade, energies = reduction.rig.cascade, model.energies
     known, place = {n for n, lacks in model.lacking.items() if not lacks}, [*energies]
-    divisors, outs = dict[str, str](), list[str]()
+    divisors, found = dict[str, str](), list[Signal]()
     for metric in cascade.all_metrics:
         names = cascade.all_ratios.get(metric, (metric.replace("power_", "energy_"), ""))
         out, into = (name.removeprefix("energy_") for name in names)
         if known.issuperset({out, into or out}):
+            of_cycles = np.array([c.metrics[metric] for c in reduction.cycles], dtype=np.float64)
+            span = energies[out].t if metric.startswith("power_") else 1.0
+            divisor = energies[into].joules if into else span
+            weights = np.zeros((len(energies), of_cycles.size))
+            divided = np.where(np.isfinite(of_cycles), divisor, np.nan)
+            weights[place.index(out)] = 1.0 / divided
+            if into:
+                weights[place.index(into)] = -of_cycles / divided
             divisors[metric] = into
-            outs.append(out)
-    divided = [
-        energies[into].joules
-        if into
-        else energies[out].t
-        if of.startswith("power_")
-        else np.ones(k)
-        for (of, into), out in zip(divisors.items(), outs, strict=True)
-    ]
-    given = [[c.metrics[metric] is not None for c in reduction.cycles] for metric in divisors]
-    shape = len(divisors), k
-    divisor = np.where(np.reshape(given, shape), np.reshape(divided, shape), np.nan)
-    weights = np.zeros((len(divisors), len(energies), k))
-    weights[np.arange(len(outs)), [place.index(out) for out in outs]] = 1.0 / divisor
-    for row, (out, into) in enumerate(zip(outs, divisors.values(), strict=True)):
-        if into:
-            eta = np.maximum(energies[out].joules / divisor[row], NOTHING)
-            weights[row, place.index(into)] = -eta / divisor[row]
-    return divisors, weights
+            found.append(weights)
+    return divisors, np.reshape(found, (len(found), len(energies), len(reduction.cycles)))
 
 
 def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
@@ -369,63 +360,50 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
     bare = {n: msgspec.structs.replace(s, u_zero=None, u_gain=None) for n, s in in_place.items()}
     own, limits = len(model.sources), _of_sensors(bare, energies)
     changes = ErrorModel(energies, (*model.sources, *limits)).changes()
-    given = [m for m in names if reduction.mean[m] is not None]
     divisors, weights = _weights(reduction, model)
     complete = np.array([cycle.complete for cycle in reduction.cycles], dtype=bool)
     counted = np.isfinite(weights).all(axis=1) & complete
-    lost = _lost(model, changes)
-    undetermined = [
-        metric
-        for (metric, into), cycles in zip(divisors.items(), counted, strict=True)
-        if into and metric in given and np.any(lost[into] & cycles)
+    lost, has_mean = _lost(model, changes), [reduction.mean[m] is not None for m in divisors]
+    taken = [
+        bool(into) and given and bool(np.any(lost[into] & cycles))
+        for into, given, cycles in zip(divisors.values(), has_mean, counted, strict=True)
     ]
-    metrics = [metric for metric in divisors if metric not in undetermined]
-    kept = [metric in metrics for metric in divisors]
-    weights, counted = weights[kept], counted[kept]
+    weights[taken] = np.nan
     shape = len(energies), own + len(limits), len(reduction.cycles)
     moved = np.einsum("mek,esk->msk", weights, np.reshape([*changes.values()], shape))
     missed = np.reshape([energy.gaps for energy in energies.values()], shape[::2])
     gaps = np.sqrt(np.einsum("mek,ek->mk", weights**2, missed**2))
-    of_cycles = np.sqrt(np.sum(moved[:, :own] ** 2, axis=1) + gaps**2)
-    by_limits = np.sqrt(np.sum(moved[:, own:] ** 2, axis=1))
-
-    of_mean = [metric for metric in metrics if metric in given]
-    averaged = [metric in given for metric in metrics]
-    moved, gaps, counted = moved[averaged], gaps[averaged], counted[averaged]
-    number = counted.sum(axis=1, keepdims=True)
+    number = np.where(has_mean, counted.sum(axis=1), np.nan)[:, None]
     means = np.abs(np.where(counted[:, None], moved, 0.0).sum(axis=2)) / number
     bridged = np.linalg.norm(np.where(counted, gaps, 0.0), axis=1, keepdims=True) / number
-    parts, of_limits = np.hstack((means[:, :own], bridged)), np.linalg.norm(means[:, own:], axis=1)
-    by_sensors, scatters = np.linalg.norm(parts, axis=1), _scatters(reduction, given)
-    mean = np.hypot(by_sensors, [scatters[m].u if m in scatters else 0.0 for m in of_mean])
+    parts = np.hstack((means[:, :own], bridged))
+    by_sensors, scatters = np.linalg.norm(parts, axis=1), _scatters(reduction)
+    mean = np.hypot(by_sensors, [scatters[m].u if m in scatters else 0.0 for m in divisors])
 
-    def named(metrics: Sequence[str], values: Signal) -> Metrics:
-        known = zip(metrics, values.tolist(), strict=True)
+    def named(values: Signal) -> Metrics:
+        known = zip(divisors, values.tolist(), strict=True)
         return Metrics({m: value for m, value in known if math.isfinite(value)}, names)
 
     sources = [*model.sources, *([None] if missed.any() else [])]
-    nothing = Metrics({}, names)
+    nothing, of_mean = Metrics({}, names), named(mean)
     used = {name for energy in energies.values() for name in energy.channels}
+    freedom = {
+        m: effective_freedom([scatters[m]] if m in scatters else [], u) for m, u in of_mean.items()
+    }
     return Budget(
-        rows=tuple(
-            BudgetRow(source, named(of_mean, parts[:, k])) for k, source in enumerate(sources)
-        ),
-        sensors=named(of_mean, by_sensors),
+        rows=tuple(BudgetRow(source, named(parts[:, k])) for k, source in enumerate(sources)),
+        sensors=named(by_sensors),
         repeatability=Metrics({m: scatter.u for m, scatter in scatters.items()}, names),
-        mean=named(of_mean, mean),
-        freedom=Metrics(
-            {
-                m: effective_freedom([scatters[m]] if m in scatters else [], u)
-                for m, u in zip(of_mean, mean.tolist(), strict=True)
-            },
-            names,
+        mean=of_mean,
+        freedom=Metrics(freedom, names),
+        cycles=tuple(map(named, np.hypot(np.linalg.norm(moved[:, :own], axis=1), gaps).T)),
+        by_limits=named(np.linalg.norm(means[:, own:], axis=1)) if limits else nothing,
+        cycles_by_limits=tuple(
+            named(u) if limits else nothing for u in np.linalg.norm(moved[:, own:], axis=1).T
         ),
-        cycles=tuple(named(metrics, u) for u in of_cycles.T),
-        by_limits=named(of_mean, of_limits) if limits else nothing,
-        cycles_by_limits=tuple(named(metrics, u) if limits else nothing for u in by_limits.T),
         exact=tuple(sorted(used.intersection(TAKEN_AS_EXACT) - {s.channel for s in model.sources})),
         unknown=tuple(sorted({name for lacks in model.lacking.values() for name in lacks})),
-        undetermined=tuple(undetermined),
+        undetermined=tuple(compress(divisors, taken)),
     )
 
 
@@ -443,12 +421,13 @@ def _lost(model: ErrorModel, changes: Mapping[str, Signal]) -> dict[str, Mask]:
     }
 
 
-def _scatters(reduction: Reduction, metrics: Sequence[str]) -> dict[str, Scatter]:
-    """Repeatability of the means of some metrics: of those that several complete cycles have, where
-    cycles repeat.
+def _scatters(reduction: Reduction) -> dict[str, Scatter]:
+    """Repeatability of the means: of metrics that several complete cycles have, where cycles
+    repeat.
     """
     if not reduction.rig.phases.repeats:
         return {}
+    metrics = [m for m, mean in reduction.mean.items() if mean is not None]
     rows = [[cycle.metrics[metric] for metric in metrics] for cycle in reduction.complete]
     values = np.reshape(np.array(rows, dtype=np.float64), (len(rows), len(metrics)))
     number = np.count_nonzero(np.isfinite(values), axis=0)
