@@ -12,7 +12,6 @@ from winchcascade.core.integrate import (
     medians_of_others,
     positive_median,
     quantile,
-    running,
     slope_of,
     values_at,
 )
@@ -51,11 +50,6 @@ def test_blocks_do_not_show(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = integrals(t, x.__getitem__, windows)
     monkeypatch.setattr(integrate, "BLOCK", 64)
     assert integrals(t, x.__getitem__, windows) == pytest.approx(whole, abs=EXACT)
-
-
-def test_a_running_integral_begins_at_nothing() -> None:
-    t, x = np.arange(5.0), np.ones(5)
-    assert running(t, x.__getitem__, np.array([1, 1, 3, 4])).tolist() == [0.0, 0.0, 2.0, 3.0]
 
 
 def test_a_mean_over_no_time_is_not_a_number() -> None:

@@ -138,7 +138,7 @@ def test_what_the_rig_file_does_not_state_is_null(tmp_path: Path) -> None:
 def test_a_speed_that_is_logged_stores_as_one_of_the_line() -> None:
     rig, t = built_in(), np.arange(0.0, 4.0, 0.04)
     v = 0.1 + 0.2 * t
-    every = slice(0, t.size)
+    every = np.arange(t.size)
     by_line = stored_powers(Run("a", t, {"velocity": v}, 25.0, t.size), rig, every)["rotor"]
     no_drum = replace(rig, winch=replace(rig.winch, r_drum=None))
     by_shaft = Run("a", t, {"speed": v / 0.13}, 25.0, t.size)

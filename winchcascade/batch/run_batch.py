@@ -33,6 +33,7 @@ from winchcascade.core.store import (
     INDEX,
     LOG_FILES,
     Output,
+    Present,
     digest_of,
     fingerprint,
     inside,
@@ -112,14 +113,12 @@ def run_batch(
     with locked(out, watch.waiting):
         runs = inside(out, "runs")
         make_one(runs)
-        earlier = {*os.listdir(runs)}  # the digest of a log takes a part of what reading it does
         there = {
             work.name: state_of(runs, result_of(work, products.reports))
             for work in plan.work
-            if f"{work.name}.json" in earlier
+            if os.path.lexists(runs / f"{work.name}.json")  # else no log need be digested for it
         }
-        done = {name for name, found in there.items() if found.kept}
-        todo = {work.name: work for work in plan.work if work.name not in done}
+        todo = {work.name: work for work in plan.work if not there.get(work.name, Present()).kept}
         _check_own(out, todo, force=force)
         watch.begin(len(plan.work) - len(todo), len(todo))
         faults: dict[str, str] = {}

@@ -275,14 +275,6 @@ def integrals_to(t: Signal, streams: Sequence[Stretch], ends: Signal) -> Signal:
     return found.take(order.argsort(), axis=1)
 
 
-def running(t: Signal, stream: Stretch, ends: Index) -> Signal:
-    """Integrate a signal from the first of some samples, (k,) in rising order, to each of them,
-    (k,).
-    """
-    to_ends = integrals_to(t, [stream], t[ends])[0]
-    return np.asarray(to_ends - to_ends[:1])
-
-
 def means_of(t: Signal, streams: Sequence[Stretch], windows: Signal) -> Signal:
     """Time means of several signals over the same windows, (m, k), in their units; NaN for a
     window without length.

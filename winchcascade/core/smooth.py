@@ -111,7 +111,7 @@ def _fit(t: Signal, x: Signal, where: Index, half_width: float) -> Signal:
     every = np.maximum(-(-(last - first) // _MAX_NEIGHBOURS), 1)
     maximum = int((-(-(last - first) // every)).max(initial=1))
     fitted = np.empty((*x.shape[:-1], where.size))
-    rows = max(1, _CELLS // (maximum * max(1, x.size // t.size)))
+    rows = max(1, _CELLS // maximum)
     for start in range(0, where.size, rows):
         block = slice(start, start + rows)
         index = first[block, None] + every[block, None] * np.arange(maximum)

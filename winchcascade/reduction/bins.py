@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.errors import OptionError
-from winchcascade.core.integrate import BLOCK, largest
+from winchcascade.core.integrate import BLOCK, ends_of, largest
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Index, Mask, Run, Signal
 from winchcascade.core.smooth import local_quadratic
@@ -109,9 +109,7 @@ def generator_speed(run: Run, rig: Rig) -> tuple[Signal, float] | None:
     return None
 
 
-def stored_powers(
-    run: Run, rig: Rig, rows: slice | Index, *numbers: float | None
-) -> dict[str, Signal]:
+def stored_powers(run: Run, rig: Rig, rows: Index, *numbers: float | None) -> dict[str, Signal]:
     """Powers that go into `STORES` in some rows of the log that rise, of those whose signal is
     logged and whose number is known. [W]
 
@@ -141,20 +139,14 @@ def stored_powers(
     if not known or run.t.size < 2:
         return {}
     t, width = run.t, STORED_WITHIN * rig.thresholds.smoothing
-    first, last = (
-        (rows.start, rows.stop) if isinstance(rows, slice) else (int(rows[0]), int(rows[-1]) + 1)
-    )
-    begin, end = t.searchsorted(
-        (t[first] - width, t[min(last, t.size) - 1] + width)
-    )  # what smooths the ends
-    part = slice(int(begin), int(end) + 1)
-    smooth = local_quadratic(
-        t[part], np.array([signal[part] for signal, _ in known.values()]), width
-    )
+    ends = t[rows[[0, -1]]] + (-width, width)  # what smooths the first and the last row
+    begin, end = t.searchsorted(ends).tolist()
+    part = slice(begin, end + 1)
+    signals = np.array([signal[part] for signal, _ in known.values()])
+    smooth = local_quadratic(t[part], signals, width)
     power = smooth * np.gradient(smooth, t[part], axis=1)
     power *= np.array([[constant] for _, constant in known.values()])
-    of_rows = slice(first - begin, last - begin) if isinstance(rows, slice) else rows - begin
-    return dict(zip(known, power[:, of_rows], strict=True))
+    return dict(zip(known, power[:, rows - begin], strict=True))
 
 
 def bins_of(
@@ -224,7 +216,7 @@ def bin_powers(
     """
     if not driven.any():
         return ()
-    low, high = (math.floor(of(speed[driven]) * (rpm / width)) for of in (np.min, np.max))
+    low, high = (math.floor(end * (rpm / width)) for end in ends_of(speed[driven]))
     count, names = np.zeros(high - low + 1, dtype=np.intp), list[str]()
     sums: list[Signal] = []
     for start in range(0, driven.size, AT_ONCE):
@@ -238,19 +230,15 @@ def bin_powers(
             both = np.concatenate((x, x * x)).ravel()
             added = np.bincount(cells.ravel(), both, 2 * len(names) * count.size)
             sums.append(added.reshape(2, len(names), count.size))
-    known, n = np.flatnonzero(count), np.maximum(count, 1)
     total, squares = np.sum(sums, axis=0)
+    n = np.maximum(count, 1)
     average = total / n
     error = np.sqrt(np.maximum(squares / n - average * average, 0.0) / np.maximum(n - 1, 1))
-    return tuple(
-        Bin(
-            (low + k) * width,
-            (low + k + 1) * width,
-            int(count[k]),
-            dict(zip(names, mean, strict=True)),
-            dict(zip(names, of_mean, strict=True)) if count[k] > 1 else {},
+    bins = []
+    for k in np.flatnonzero(count).tolist():
+        mean, of_mean = (
+            dict(zip(names, column[:, k].tolist(), strict=True)) for column in (average, error)
         )
-        for k, mean, of_mean in zip(
-            known.tolist(), average.T[known].tolist(), error.T[known].tolist(), strict=True
-        )
-    )
+        of_mean = of_mean if count[k] > 1 else {}
+        bins.append(Bin((low + k) * width, (low + k + 1) * width, int(count[k]), mean, of_mean))
+    return tuple(bins)

@@ -26,8 +26,8 @@ LOWEST = 0.1
 zeros, and noise of the plateau. [1]"""
 
 OWN = 1e-9
-"""Least determinant of the products of columns of unit norm that count as columns of their own.
-[1]"""
+"""Least determinant of the products of columns of unit norm that count as their own, and least
+share of the square of one more column that the others do not give. [1]"""
 
 PARTNERS = (("vdc", "idc", 1), ("torque", "force", 2))
 """Two channels of which each is a polynomial of this degree of the other. At the onset the friction
@@ -35,15 +35,12 @@ of the restoring module reverses, so that the tension counts after it."""
 
 
 class Fitted(NamedTuple):
-    """Least squares of y, (n,), by columns: these without their means and of unit norm, (m, n), and
-    their norms, (m,); the inverse of their products, (m, m), and the determinant of these; weights
-    of the columns, (m,); residual, (n,), and the sum of its squares as a share of the variance of
-    y [1]."""
+    """Least squares of y, (n,), by columns: these without their means and of unit norm, (m, n); the
+    inverse of their products, (m, m); weights of the columns as given, (m,); residual, (n,), and
+    the sum of its squares as a share of the variance of y [1]."""
 
     columns: Signal
-    size: Signal
     inverse: Signal
-    determinant: float
     weight: Signal
     residual: Signal
     share: float
@@ -133,14 +130,12 @@ def fit(columns: Signal, y: Signal) -> Fitted | None:
         return None
     columns /= size[:, None]
     product = np.einsum("ij,kj->ik", columns, columns)  # not by BLAS, whose threads wait
-    determinant = float(np.linalg.det(product))
-    if determinant < OWN:
+    if np.linalg.det(product) < OWN:
         return None
     inverse = np.linalg.inv(product)
     weight = inverse @ np.einsum("ij,j->i", columns, y)
     residual = y - np.einsum("i,ij->j", weight, columns)
-    share = float(residual @ residual) / of_y
-    return Fitted(columns, size, inverse, determinant, weight / size, residual, share)
+    return Fitted(columns, inverse, weight / size, residual, float(residual @ residual) / of_y)
 
 
 def step_beside(course: Fitted, column: Signal) -> Step | None:
@@ -152,14 +147,14 @@ def step_beside(course: Fitted, column: Signal) -> Step | None:
     along = course.inverse @ np.einsum("ij,j->i", course.columns, column)
     own = column - np.einsum("i,ij->j", along, course.columns)
     square, n = float(own @ own), column.size
-    if n < 5 * (len(course.size) + 1) or course.determinant * square < OWN * (column @ column):
+    if n < 5 * (len(along) + 1) or square <= OWN * (column @ column):
         return None
-    height = float(own @ course.residual) / max(square, SMALLEST)
+    height = float(own @ course.residual) / square
     residual = course.residual - height * own
     left = float(residual @ residual)
     following = float(residual[1:] @ residual[:-1]) / max(left, SMALLEST)
     fewer = max((1.0 + following) / max(1.0 - following, 1e-3), 1.0)
-    error = math.sqrt(left * fewer / n / max(square, SMALLEST))
+    error = math.sqrt(left * fewer / n / square)
     return Step(height, error, math.sqrt(left / n))
 
 
