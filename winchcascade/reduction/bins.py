@@ -229,7 +229,7 @@ def bin_powers(
             cells = np.arange(2 * len(names))[:, None] * count.size + number
             both = np.concatenate((x, x * x)).ravel()
             added = np.bincount(cells.ravel(), both, 2 * len(names) * count.size)
-            sums.append(added.reshape(2, len(names), count.size))
+            sums.append(added.astype(np.float64).reshape(2, len(names), count.size))
     total, squares = np.sum(sums, axis=0)
     n = np.maximum(count, 1)
     average = total / n

@@ -139,18 +139,18 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
     energy = None if line is None else integrals(run.t, line, hauls).tolist()
     points: list[OperatingPoint | UnsetType] = [UNSET] * len(cycles)
     if not phased.rig.phases.by_motion and {"speed", "torque"} & run.channels.keys():
-        speed, torque = _means(phased, ["speed", "torque"], whole_cycles(phased))
-        rpm = [None if omega is None else omega * 30.0 / math.pi for omega in speed]
-        points = list(map(OperatingPoint, rpm, torque))
+        speeds, torques = _means(phased, ["speed", "torque"], whole_cycles(phased))
+        rpm = [None if omega is None else omega * 30.0 / math.pi for omega in speeds]
+        points = list(map(OperatingPoint, rpm, torques))
     flows, found = _both_ways(phased), []
     for k, (c, p) in enumerate(zip(cycles, phased.plateaus, strict=True)):
         held, hauled = k + len(cycles), k + 2 * len(cycles)
         plateau, hold, haul_in = None, None, None
         if p is not None:
-            speed_on = p.speed if known and velocity[k] is None else velocity[k]
+            speed = p.speed if known and velocity[k] is None else velocity[k]
             begin, braking = spans[k].tolist()
             of_channels = (column[k] for column in (force, torque, *watts))
-            plateau = PlateauSummary(begin, braking, speed_on, *of_channels)
+            plateau = PlateauSummary(begin, braking, speed, *of_channels)
         if c.hold is not None:
             gauge = pressure[held]
             hold = HoldSummary(

@@ -388,7 +388,9 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
     nothing, of_mean = Metrics({}, names), named(mean)
     used = {name for energy in energies.values() for name in energy.channels}
     freedom = {
-        m: effective_freedom([scatters[m]] if m in scatters else [], u) for m, u in of_mean.items()
+        m: effective_freedom([scatters[m]] if m in scatters else [], u)
+        for m, u in of_mean.items()
+        if u is not None
     }
     return Budget(
         rows=tuple(BudgetRow(source, named(parts[:, k])) for k, source in enumerate(sources)),
