@@ -10,9 +10,10 @@ follows from four integrals, and nothing is integrated again.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cache, cached_property
 from itertools import accumulate, combinations, compress
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -28,13 +29,13 @@ from winchcascade.core.accuracy import (
 )
 from winchcascade.core.cascade import Term
 from winchcascade.core.errors import check_type
-from winchcascade.core.integrate import Stretch, integrals_of, largest
+from winchcascade.core.integrate import Stretch, integrals_of, largest, slope_of
 from winchcascade.core.rig_file import Rig, Sensor
 from winchcascade.core.run import Mask, Run, Signal
 from winchcascade.reduction.efficiency import NOTHING, Metrics
 from winchcascade.reduction.energies import SIGN, spans_of
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.reduction.timing import lag_rates, lag_sources
+from winchcascade.reduction.timing import lag_sources
 
 R_DRUM, SAMPLING = "r_drum", "sampling"
 """Sources of uncertainty that are no channels: the drum radius, where a rig file states one of it,
@@ -106,6 +107,17 @@ class Uncertainty(msgspec.Struct, frozen=True):
     def standard(self) -> Metrics:
         """Standard uncertainty of each mean, in the unit of the metric."""
         return self.budget.mean
+
+
+class Integrated(NamedTuple):
+    """Integrals of a stage over k spans: terms of its power; of what (x - zero_x)(y - zero_y) of each
+    term multiplies out to, (r, k), without the zeros: of each subset of its channels the rest; and
+    by channel what the spans lose per second by which it is late, (k,) each [W].
+    """
+
+    terms: Terms
+    joules: Signal
+    rates: dict[str, Signal]
 
 
 # ---------------------------------------------------------------------------- the model of errors
@@ -217,13 +229,13 @@ def error_model(reduction: Reduction) -> ErrorModel:
     every, nothing = np.concatenate([*spans.values()]), np.zeros(len(cycles))
     in_time = np.zeros(len(every))
     lags = lag_sources(reduction)
-    rates = lag_rates(reduction, {name for _, moved in lags for name in moved}, every)
-    of_stage, energies = integrated(reduction, every), {}
+    of_stage = integrated(reduction, every, {name for _, moved in lags for name in moved})
+    energies = {}
     for part, (stage, span) in rig.cascade.parts.items():
         if stage in of_stage and any(c.metrics[f"energy_{part}"] is not None for c in cycles):
-            terms, joules = of_stage[stage]
+            terms, joules, rates = of_stage[stage]
             late = [
-                sum((rates[stage][name] for name in moved if name in rates[stage]), start=in_time)
+                sum((rates[name] for name in moved if name in rates), start=in_time)
                 for _, moved in lags
             ]
             first = [*spans].index(span) * len(cycles)
@@ -261,40 +273,50 @@ def error_model(reduction: Reduction) -> ErrorModel:
     return ErrorModel(energies, (*sources, *(source for source, _ in lags)))
 
 
-def integrated(reduction: Reduction, spans: Signal) -> dict[str, tuple[Terms, Signal]]:
-    """Terms of the power of each measured stage; and integrals over k spans, (r - 1, k), of what (x
-    - zero_x)(y - zero_y) of each term multiplies out to, without the zeros: of each subset of its
-    channels the rest.
+def integrated(
+    reduction: Reduction, spans: Signal, late: Collection[str] = ()
+) -> dict[str, Integrated]:
+    """Integrate what the power of each measured stage is made of over k spans, (k, 2) [s].
+
+    Parameters
+    ----------
+    late : channels that may be recorded late
     """
     run, rig = reduction.run, reduction.rig
-    powers = rig.cascade.powers(run.channels, rig.r_drum)
+    powers, on_drum = rig.cascade.powers(run.channels, rig.r_drum), _is_on_drum(run, rig)
 
-    def stream(term: Term, zeros: Sequence[str]) -> Stretch:
-        columns, scale = (
-            [run.channels[name] for name in term.channels if name not in zeros],
-            term.scale(rig.r_drum),
-        )
+    def stream(term: Term, without: Sequence[str], *more: Stretch) -> Stretch:
+        factors = [run.channels[name].__getitem__ for name in term.channels if name not in without]
+        scale = term.scale(rig.r_drum)
         return lambda part: math.prod(
-            (x[part] for x in columns), start=np.full(run.t[part].shape, scale)
+            (x(part) for x in (*factors, *more)), start=np.full(run.t[part].shape, scale)
         )
 
+    made_of = {}
+    for stage, power in powers.items():
+        products = [stream(t, zeros) for t in power.terms for zeros in _subsets(t.channels)]
+        moved = [
+            (name, stream(term, (name,), slope_of(run.t, run.channels[name])))
+            for term in power.terms
+            for name in term.channels
+            if name in late
+        ]
+        made_of[stage] = products, moved
     streams = [
-        stream(t, zeros)
-        for power in powers.values()
-        for t in power.terms
-        for zeros in _subsets(t.channels)
+        x for products, moved in made_of.values() for x in (*products, *(y for _, y in moved))
     ]
-    rows, on_drum, found = iter(integrals_of(run.t, streams, spans)), _is_on_drum(run, rig), {}
-    for name, power in powers.items():
+    rows, found = iter(integrals_of(run.t, streams, spans)), dict[str, Integrated]()
+    for stage, (products, moved) in made_of.items():
         # An encoder on the drum counts v = r omega: F v is proportional to r, tau v / r = tau omega
         # is not.
         terms = tuple(
-            (t.channels, (on_drum and "velocity" in t.channels) - t.by_radius) for t in power.terms
+            (t.channels, (on_drum and "velocity" in t.channels) - t.by_radius)
+            for t in powers[stage].terms
         )
-        found[name] = (
-            terms,
-            np.array([next(rows) for t in power.terms for _ in _subsets(t.channels)]),
-        )
+        joules, rates = np.array([next(rows) for _ in products]), dict[str, Signal]()
+        for name, _ in moved:
+            rates[name] = rates.get(name, 0.0) + next(rows)
+        found[stage] = Integrated(terms, joules, rates)
     return found
 
 
