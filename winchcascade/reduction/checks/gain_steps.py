@@ -25,6 +25,9 @@ LOWEST = 0.1
 """Lowest level of a step, as a share of the largest value, and its distance from that: beyond are
 zeros, and noise of the plateau. [1]"""
 
+NO_STEP = (0.0, 0.0, 0.0, 0.0)
+"""A step that is none."""
+
 OWN = 1e-9
 """Least determinant of the products of columns of unit norm that count as their own, and least
 share of the square of one more column that the others do not give. [1]"""
@@ -36,14 +39,12 @@ of the restoring module reverses, so that the tension counts after it."""
 
 class Fitted(NamedTuple):
     """Least squares of y, (n,), by columns: these without their means and of unit norm, (m, n); the
-    inverse of their products, (m, m); weights of the columns as given, (m,); residual, (n,), and
-    the sum of its squares as a share of the variance of y [1]."""
+    inverse of their products, (m, m); what they give of y, (n,); and what they leave of it, (n,)."""
 
     columns: Signal
     inverse: Signal
-    weight: Signal
+    level: Signal
     residual: Signal
-    share: float
 
 
 class Step(NamedTuple):
@@ -124,9 +125,9 @@ def fit(columns: Signal, y: Signal) -> Fitted | None:
     """Regress y, (n,), on columns, (m, n), and a constant; None where a column is not its own."""
     if y.size < max(MIN_COMPARED, 5 * len(columns)):
         return None
-    columns, y = columns - columns.mean(axis=1, keepdims=True), y - y.mean()
-    size, of_y = np.sqrt(np.einsum("ij,ij->i", columns, columns)), float(y @ y)
-    if not size.all() or of_y == 0.0:
+    columns = columns - columns.mean(axis=1, keepdims=True)
+    size = np.sqrt(np.einsum("ij,ij->i", columns, columns))
+    if not size.all():
         return None
     columns /= size[:, None]
     product = np.einsum("ij,kj->ik", columns, columns)  # not by BLAS, whose threads wait
@@ -134,8 +135,8 @@ def fit(columns: Signal, y: Signal) -> Fitted | None:
         return None
     inverse = np.linalg.inv(product)
     weight = inverse @ np.einsum("ij,j->i", columns, y)
-    residual = y - np.einsum("i,ij->j", weight, columns)
-    return Fitted(columns, inverse, weight / size, residual, float(residual @ residual) / of_y)
+    level = np.einsum("i,ij->j", weight, columns) + y.mean()
+    return Fitted(columns, inverse, level, y - level)
 
 
 def step_beside(course: Fitted, column: Signal) -> Step | None:
@@ -167,18 +168,19 @@ def largest_step(y: Signal, smooth: Signal, zero: float) -> tuple[float, float, 
     of x does, and a step of its size is none, nor is one that the zero of a sensor explains, or
     that hides in what the columns leave. At half of the scale, a gain is twice its step."""
     course = fit(smooth, y)
-    if course is None or course.share > FOLLOWS:
-        return 0.0, 0.0, 0.0, 0.0
-    top, level = largest(y), course.weight @ smooth
-    level += float(np.mean(y - level))
+    if course is None or np.var(course.residual) >= FOLLOWS * np.var(y):
+        return NO_STEP
+    top, level, residual = largest(y), course.level, course.residual
     order, place = np.argsort(level), np.arange(1, y.size)
     between = (level[order[1:]] > LOWEST * top) & (level[order[1:]] < (1.0 - LOWEST) * top)
     weight = np.where(between, np.sqrt(place * (y.size - place)), np.inf)
-    best = level[order[int(np.argmax(np.abs(np.cumsum((y - level)[order])[:-1]) / weight)) + 1]]
+    best = level[order[int(np.argmax(np.abs(np.cumsum(residual[order])[:-1]) / weight)) + 1]]
     step = step_beside(course, (level >= best).astype(np.float64))
-    # As one of many levels.
-    if step is None or abs(step.height) < (CERTAIN + 1.0) * step.error:
-        return 0.0, 0.0, 0.0, 0.0
-    if abs(step.height) < max(0.5 * REPORTED * top, step.left, zero, 2.0 * white_noise(level)):
-        return 0.0, 0.0, 0.0, 0.0
-    return abs(step.height / step.error), step.height / top, step.height, float(best)
+    if step is None:
+        return NO_STEP
+    size, certain = abs(step.height), CERTAIN + 1.0  # as one of many levels
+    if size < max(certain * step.error, 0.5 * REPORTED * top, step.left, zero):
+        return NO_STEP
+    if size < 2.0 * white_noise(level):
+        return NO_STEP
+    return size / step.error, step.height / top, step.height, float(best)
