@@ -137,7 +137,10 @@ def copied_cycles(log: PhasedLog) -> Iterator[Fault]:
     sizes = [part.stop - part.start for part in rows]
     of_cycle = np.repeat(np.arange(len(rows), dtype=np.int32), sizes)
     order = np.argsort(every, kind="stable")
-    begins = np.flatnonzero(np.diff(every[order], prepend=np.nan))
+    every = every[order]
+    begins = np.append(0, np.flatnonzero(every[1:] != every[:-1]) + 1)
+    if begins.size >= every.size:
+        return
     first = np.empty_like(of_cycle)  # of the cycles that hold an equal row
     first[order] = np.repeat(of_cycle[order[begins]], np.diff(begins, append=every.size))
     copies = []
