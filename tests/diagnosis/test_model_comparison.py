@@ -124,7 +124,7 @@ def test_curves_are_means_of_the_samples_of_a_bin_or_ratios_of_these(side: int) 
     c, curves = comparison(), account().curves
     run = (c.run, c.simulation.run)[side]
     x, v, z = run.channels, c.run.channels["velocity"], c.run.channels["displacement"]
-    stored = {name: of(slice(0, run.t.size)) for name, of in stored_powers(run, built_in()).items()}
+    stored = stored_powers(run, built_in(), np.arange(run.t.size))
     taken = x["torque"] * v / 0.13 - stored["rotor"] - stored["spring"]
     power = x["vdc"] * x["idc"]
     out, back = (

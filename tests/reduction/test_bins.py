@@ -68,7 +68,7 @@ def test_a_bin_holds_the_mean_and_the_standard_error_of_its_samples() -> None:
     rng = np.random.default_rng(5)
     v = np.append(rng.uniform(0.0, 1.0, 5000), 1.55)
     watts = 1000.0 * v + rng.normal(0, 50, v.size)
-    *bins, last = bin_powers(v, 3000.0, v > 0.2, {"line": watts.__getitem__}, 100.0)
+    *bins, last = bin_powers(v, 3000.0, v > 0.2, lambda rows: {"line": watts[rows]}, 100.0)
     assert [b.rpm_low for b in bins] == [100.0 * k for k in range(6, 30)]
     for b in bins:
         inside = (v > 0.2) & (v * 3000.0 >= b.rpm_low) & (v * 3000.0 < b.rpm_high)
@@ -138,13 +138,11 @@ def test_what_the_rig_file_does_not_state_is_null(tmp_path: Path) -> None:
 def test_a_speed_that_is_logged_stores_as_one_of_the_line() -> None:
     rig, t = built_in(), np.arange(0.0, 4.0, 0.04)
     v = 0.1 + 0.2 * t
-    by_line = stored_powers(Run("a", t, {"velocity": v}, 25.0, t.size), rig)["rotor"](
-        slice(0, t.size)
-    )
+    every = np.arange(t.size)
+    by_line = stored_powers(Run("a", t, {"velocity": v}, 25.0, t.size), rig, every)["rotor"]
     no_drum = replace(rig, winch=replace(rig.winch, r_drum=None))
-    by_speed = stored_powers(Run("a", t, {"speed": v / 0.13}, 25.0, t.size), no_drum)["rotor"](
-        slice(0, t.size)
-    )
+    by_shaft = Run("a", t, {"speed": v / 0.13}, 25.0, t.size)
+    by_speed = stored_powers(by_shaft, no_drum, every)["rotor"]
     assert by_speed == pytest.approx(by_line)
     middle = t.size // 2
     assert by_line[middle] == pytest.approx(

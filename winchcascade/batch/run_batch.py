@@ -33,6 +33,7 @@ from winchcascade.core.store import (
     INDEX,
     LOG_FILES,
     Output,
+    Present,
     digest_of,
     fingerprint,
     inside,
@@ -112,8 +113,12 @@ def run_batch(
     with locked(out, watch.waiting):
         runs = inside(out, "runs")
         make_one(runs)
-        there = {work.name: state_of(runs, result_of(work, products.reports)) for work in plan.work}
-        todo = {work.name: work for work in plan.work if not there[work.name].kept}
+        there = {
+            work.name: state_of(runs, result_of(work, products.reports))
+            for work in plan.work
+            if os.path.lexists(runs / f"{work.name}.json")  # else no log need be digested for it
+        }
+        todo = {work.name: work for work in plan.work if not there.get(work.name, Present()).kept}
         _check_own(out, todo, force=force)
         watch.begin(len(plan.work) - len(todo), len(todo))
         faults: dict[str, str] = {}

@@ -111,6 +111,7 @@ def error_sources(channel: str, sensor: Sensor) -> tuple[ErrorSource, ...]:
     return tuple(source for source in found if source.u)
 
 
+@lru_cache(maxsize=64)
 def part_uncertainty(sensor: Sensor | None, part: Part) -> float:
     """Standard uncertainty of zero [SI unit of the channel] or gain [1] of a sensor with its
     acquisition system, in squares.

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Mapping
-from functools import cache, reduce
+from functools import cache, cached_property, reduce
 from itertools import pairwise
 from operator import add, mul
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
@@ -70,14 +70,14 @@ class Term(msgspec.Struct, frozen=True):
         return watts
 
 
-class Power(msgspec.Struct, frozen=True):
+class Power(msgspec.Struct, frozen=True, dict=True):
     """A power as a sum of terms, at least one of which has a channel; what is linear in it is
     worked out term by term.
     """
 
     terms: tuple[Term, ...]
 
-    @property
+    @cached_property
     def channels(self) -> tuple[str, ...]:
         """Channels of all terms."""
         return tuple(dict.fromkeys(name for term in self.terms for name in term.channels))

@@ -187,8 +187,8 @@ def write_set(contents: Mapping[Path, bytes], *, without: Iterable[Path] = ()) -
         with ExitStack() as stack:
             parts = {}
             for path, content in contents.items():
-                parts[path] = stack.enter_context(scratch_file(path.parent))
-                parts[path].write_bytes(content)
+                write = partial(Path.write_bytes, data=content)
+                parts[path] = stack.enter_context(_scratch(path.parent, write))
             put_in_place({part: path for path, part in parts.items()}, without=without)
     except OSError as fault:
         raise _not_written(path, fault) from None

@@ -8,15 +8,17 @@ than the reduction of a log.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import TypeVar
+from collections.abc import Callable, Sequence
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 
-from winchcascade.core.cascade import Stream
 from winchcascade.core.run import Index, Mask, Signal
 
 Ordered = TypeVar("Ordered", Signal, Index)
+
+Stretch: TypeAlias = Callable[[slice], Signal]
+"""A signal as a function of a stretch of rows of the log, which need not be made for all of it."""
 
 BLOCK = 1 << 17
 """Samples that are worked on at a time."""
@@ -65,6 +67,17 @@ def _in_order(x: Signal, place: float) -> float:
 def median(x: Signal) -> float:
     """Median of finite values; x must not be empty."""
     return quantile(x, 0.5)
+
+
+def between(rising: Signal, share: float) -> float:
+    """Value at a share of the places of rising values, by linear interpolation; there is one.
+
+    >>> between(np.array([1.0, 2.0, 4.0]), 0.75)
+    3.0
+    """
+    place = share * (rising.size - 1)
+    low, high = float(rising[int(place)]), float(rising[math.ceil(place)])
+    return low + (place - int(place)) * (high - low)
 
 
 def distinct(x: Ordered) -> Ordered:
@@ -135,8 +148,8 @@ def positive_median(x: Signal) -> float:
     """Median of the values above zero, 0 where there is none: the usual interval of stamps, the
     usual size of changes.
     """
-    above, rest = np.count_nonzero(x > 0), np.count_nonzero(x <= 0)  # which come first in order
-    return _in_order(x.copy(), rest + 0.5 * (above - 1)) if above else 0.0
+    above = x[x > 0]
+    return _in_order(above, 0.5 * (above.size - 1)) if above.size else 0.0
 
 
 def usual_interval(t: Signal) -> float:
@@ -188,29 +201,27 @@ def values_at(t: Signal, x: Signal, instants: Signal) -> Signal:
     return np.asarray(x[at] + share * (x[after] - x[at]))
 
 
-def slope_of(t: Signal, x: Signal) -> Stream:
-    """The slope of a signal by its neighbours on both sides, as `numpy.gradient` has it, for some
-    rows of the log, in the unit of the signal per second.
+def slope_of(t: Signal, x: Signal) -> Stretch:
+    """The slope of a signal by its neighbours on both sides, as `numpy.gradient` has it, in the unit
+    of the signal per second.
 
-    >>> slope_of(np.array([0.0, 1.0, 3.0]), np.array([0.0, 1.0, 9.0]))(np.array([0, 1, 2])).tolist()
+    >>> slope_of(np.array([0.0, 1.0, 3.0]), np.array([0.0, 1.0, 9.0]))(slice(0, 3)).tolist()
     [1.0, 2.0, 4.0]
     """
 
-    def slope(rows: slice | Index) -> Signal:
-        if isinstance(rows, slice):
-            begin = max(rows.start - 1, 0)
-            part = slice(begin, rows.stop + 1)
-            near: Signal = np.gradient(x[part], t[part])[rows.start - begin :]
-            return near[: rows.stop - rows.start]
-        before, after = np.maximum(rows - 1, 0), np.minimum(rows, t.size - 2)
-        left, right = t[before + 1] - t[before], t[after + 1] - t[after]
-        rise = right * (x[before + 1] - x[before]) / left
-        return np.asarray((rise + left * (x[after + 1] - x[after]) / right) / (left + right))
+    def slope(rows: slice) -> Signal:
+        begin = max(rows.start - 1, 0)
+        part = slice(begin, rows.stop + 1)
+        step = np.diff(t[part])
+        before = np.diff(x[part]) / step
+        within = (step[1:] * before[:-1] + step[:-1] * before[1:]) / (step[1:] + step[:-1])
+        near = np.concatenate((before[:1], within, before[-1:]))[rows.start - begin :]
+        return near[: rows.stop - rows.start]
 
     return slope
 
 
-def integrals(t: Signal, stream: Stream, windows: Signal) -> Signal:
+def integrals(t: Signal, stream: Stretch, windows: Signal) -> Signal:
     """Integrate a signal over windows, (k,), as `integrals_of` does several.
 
     >>> x = np.array([0.0, 2.0, 4.0])
@@ -220,14 +231,13 @@ def integrals(t: Signal, stream: Stream, windows: Signal) -> Signal:
     return np.asarray(integrals_of(t, [stream], windows)[0])
 
 
-def integrals_of(t: Signal, streams: Sequence[Stream], windows: Signal) -> Signal:
+def integrals_of(t: Signal, streams: Sequence[Stretch], windows: Signal) -> Signal:
     """Integrate signals over windows: trapezoids whose two ends are interpolated (Eq. 5).
 
     Parameters
     ----------
     t : (n,) stamps that rise [s]
-    streams : each gives a signal for some rows of the log, so that a power need not be made for all
-        of it at once
+    streams : the signals
     windows : (k, 2) begin and end of each window [s], within the log
 
     Returns
@@ -238,55 +248,34 @@ def integrals_of(t: Signal, streams: Sequence[Stream], windows: Signal) -> Signa
     return np.asarray(to_ends[:, 1::2] - to_ends[:, ::2])
 
 
-def integrals_to(t: Signal, streams: Sequence[Stream], ends: Signal) -> Signal:
+def integrals_to(t: Signal, streams: Sequence[Stretch], ends: Signal) -> Signal:
     """Integrate signals from one common instant to each of k others, (k,), as `integrals_of` does
     over windows, (m, k)."""
-    at = np.minimum(np.maximum(np.searchsorted(t, ends, side="right") - 1, 0), t.size - 2)
-    order = np.argsort(at, kind="stable")
-    whole = np.empty((len(streams), at.size))
-    whole[:, order] = _running(t, streams, at[order])
-    into = ends - t[at]
-    half_share = 0.5 * (into / (t[at + 1] - t[at]))
-    for row, stream in zip(
-        whole, streams, strict=True
-    ):  # on to each end, along the straight line between two samples
-        before, after = stream(at), stream(at + 1)
-        row += into * (before + half_share * (after - before))
-    return whole
+    at = np.minimum(np.maximum(t.searchsorted(ends, side="right") - 1, 0), t.size - 2)
+    order = at.argsort(kind="stable")
+    rows, into = at[order], (ends - t[at])[order]
+    found, before = np.empty((len(streams), rows.size)), np.zeros(len(streams))
+    size = BLOCK // max(1, len(streams))
+    for start in range(int(rows[0]), int(rows[-1]) + 1, size) if found.size else ():
+        stop = min(start + size, int(rows[-1]) + 1)
+        x = np.array([stream(slice(start, stop + 1)) for stream in streams])
+        first, last = rows.searchsorted((start, stop))
+        step, here = np.diff(t[start : stop + 1]), rows[first:last] - start
+        areas, cuts = (x[:, 1:] + x[:, :-1]) * (0.5 * step), np.append(0, here)
+        parts = np.add.reduceat(areas, cuts, axis=1)
+        # reduceat gives the sample itself for a part without length
+        parts[:, :-1][:, cuts[1:] == cuts[:-1]] = 0.0
+        parts[:, 0] += before
+        sums = parts.cumsum(axis=1)
+        # On to each end, along the straight line between two samples.
+        inside, near, after = into[first:last], x.take(here, axis=1), x.take(here + 1, axis=1)
+        half_share = 0.5 * inside / step[here]
+        found[:, first:last] = sums[:, :-1] + inside * (near + half_share * (after - near))
+        before = sums[:, -1]
+    return found.take(order.argsort(), axis=1)
 
 
-def running(t: Signal, stream: Stream, ends: Index) -> Signal:
-    """Integrate a signal from the first of some samples, (k,) in rising order, to each of them,
-    (k,).
-    """
-    return np.asarray(_running(t, [stream], ends)[0])
-
-
-def _running(t: Signal, streams: Sequence[Stream], ends: Index) -> Signal:
-    steps = np.zeros((len(streams), ends.size))
-    if ends.size == 0:
-        return steps
-    for start in range(int(ends[0]), int(ends[-1]), BLOCK):
-        stop = min(start + BLOCK, int(ends[-1]))
-        interval = np.diff(t[start : stop + 1])
-        first, last = np.searchsorted(ends, (start, stop), side="right")
-        cuts = np.concatenate(([0], ends[first:last] - start))
-        without_length = np.flatnonzero(cuts[1:] == cuts[:-1])
-        area = np.zeros(
-            interval.size + 1
-        )  # one more than there are steps, so that a cut may lie at the very end
-        for row, stream in zip(steps, streams, strict=True):
-            x = stream(slice(start, stop + 1))
-            np.multiply(x[1:] + x[:-1], interval, out=area[:-1])
-            parts = np.add.reduceat(area, cuts)
-            parts[without_length] = (
-                0.0  # reduceat gives the sample itself for a part without length
-            )
-            row[first : last + 1] += parts[: ends.size - first]
-    return np.cumsum(0.5 * steps, axis=1)
-
-
-def means_of(t: Signal, streams: Sequence[Stream], windows: Signal) -> Signal:
+def means_of(t: Signal, streams: Sequence[Stretch], windows: Signal) -> Signal:
     """Time means of several signals over the same windows, (m, k), in their units; NaN for a
     window without length.
     """

@@ -32,12 +32,12 @@ def local_quadratic(t: Signal, x: Signal, width: float) -> Signal:
 
     Parameters
     ----------
-    t, x : (n,) stamps that rise [s] and the signal, finite
+    t, x : (n,) stamps that rise [s], and a finite signal, (n,), or several, (m, n)
     width : whole width of the neighbourhood [s]
 
     Returns
     -------
-    (n,) the smoothed signal in the unit of x
+    the smoothed signals as x, in its units
 
     Examples
     --------
@@ -52,11 +52,13 @@ def local_quadratic(t: Signal, x: Signal, width: float) -> Signal:
     if half < 1:
         return x.copy()
     if t.size > 2 * half:  # a width of more intervals than the log has would make as many weights
-        smoothed = np.convolve(x, smoothing_weights(half), mode="same")
+        weights, rows = smoothing_weights(half), x.reshape(-1, t.size)
+        smoothed, *others = [np.convolve(row, weights, mode="same") for row in rows]
+        smoothed = np.stack((smoothed, *others)) if x.ndim > 1 else smoothed
     else:
         smoothed = x.copy()
     by_fit = _near(_uneven(t, usual), half, t.size)
-    smoothed[by_fit] = _fit(t, x, by_fit, max(width / 2, usual) * (1 + 1e-6))
+    smoothed[..., by_fit] = _fit(t, x, by_fit, max(width / 2, usual) * (1 + 1e-6))
     return smoothed
 
 
@@ -108,7 +110,7 @@ def _fit(t: Signal, x: Signal, where: Index, half_width: float) -> Signal:
     last = np.searchsorted(t, t[where] + half_width, side="right")
     every = np.maximum(-(-(last - first) // _MAX_NEIGHBOURS), 1)
     maximum = int((-(-(last - first) // every)).max(initial=1))
-    fitted = np.empty(where.size)
+    fitted = np.empty((*x.shape[:-1], where.size))
     rows = max(1, _CELLS // maximum)
     for start in range(0, where.size, rows):
         block = slice(start, start + rows)
@@ -116,7 +118,8 @@ def _fit(t: Signal, x: Signal, where: Index, half_width: float) -> Signal:
         inside = index < last[block, None]
         index = np.minimum(index, t.size - 1)
         u = np.where(inside, (t[index] - t[where[block], None]) / half_width, 0.0)
-        fitted[block] = _value_at_zero(u, np.where(inside, x[index], 0.0), inside, x[where[block]])
+        y = np.where(inside, x[..., index], 0.0)
+        fitted[..., block] = _value_at_zero(u, y, inside, x[..., where[block]])
     return fitted
 
 
@@ -126,7 +129,7 @@ def _value_at_zero(u: Signal, y: Signal, inside: Mask, otherwise: Signal) -> Sig
     """
     s0 = inside.sum(axis=1).astype(np.float64)
     s1, s2, s3, s4 = (np.sum(u**k, axis=1) for k in (1, 2, 3, 4))
-    b0, b1, b2 = y.sum(axis=1), np.sum(u * y, axis=1), np.sum(u * u * y, axis=1)
+    b0, b1, b2 = y.sum(axis=-1), np.sum(u * y, axis=-1), np.sum(u * u * y, axis=-1)
     minor_0, minor_1, minor_2 = s2 * s4 - s3 * s3, s1 * s4 - s2 * s3, s1 * s3 - s2 * s2
     determinant = s0 * minor_0 - s1 * minor_1 + s2 * minor_2
     sound = determinant > 1e-9 * s0**3

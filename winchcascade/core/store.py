@@ -220,8 +220,9 @@ def with_digest(
     >>> digest_in(with_digest({"mean": 1.0}, "batch", {"key": "a"}).replace(b"1.0", b"1.1"))
     'altered'
     """
-    digest = digest_of(msgspec.json.encode({**record, entry: about}))
-    content = msgspec.json.encode({**record, entry: {**about, "sha256": digest}})
+    content = msgspec.json.encode({**record, entry: about})
+    # The digest is the last of the last entry, before the two braces that end the text.
+    content = content[:-2] + f',"sha256":"{digest_of(content)}"}}}}'.encode()
     return (msgspec.json.format(content, indent=indent) if indent else content) + b"\n"
 
 

@@ -4,10 +4,11 @@ units, and what is above.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from itertools import pairwise, zip_longest
+from itertools import islice, pairwise, zip_longest
 
 from winchcascade.core.errors import LogError
 from winchcascade.core.quantity import TURN, find_unit
@@ -72,9 +73,11 @@ def _is_data(row: Row) -> bool:
     and one is a number.
     """
     full = [cell for cell in row if cell]
-    numbers = sum(map(looks_like_a_number, full)) if len(full) >= 2 else 0
-    enough = DATA_SHARE * len(full)
-    return numbers > 0 and (numbers >= enough or sum(map(is_value, full)) >= enough)
+    if len(full) < 2:
+        return False
+    enough = math.ceil(DATA_SHARE * len(full))
+    numbers = len([*islice(filter(looks_like_a_number, full), enough)])
+    return numbers > 0 and (numbers == enough or sum(map(is_value, full)) >= enough)
 
 
 def _usual_width(rows: Sequence[Row]) -> int:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
 
 import msgspec
 import numpy as np
 
-from winchcascade.core.cascade import Stream
 from winchcascade.core.errors import OptionError
-from winchcascade.core.integrate import BLOCK, largest
+from winchcascade.core.integrate import BLOCK, ends_of, largest
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Index, Mask, Run, Signal
 from winchcascade.core.smooth import local_quadratic
@@ -34,6 +32,9 @@ STORED_WITHIN = 1 / 3
 """Width over which a signal is smoothed before its change is taken, as a share of that which
 smooths the velocity: short against a braking. What remains of the noise averages out in a bin, as
 its changes add up to the difference of the ends. [1]"""
+
+AT_ONCE = BLOCK // 8
+"""Number of samples of which all powers are made at a time."""
 
 BINS_MIN = 20
 """Minimum number of bins up to the maximum speed where the rig file states no width: the paper
@@ -108,12 +109,12 @@ def generator_speed(run: Run, rig: Rig) -> tuple[Signal, float] | None:
     return None
 
 
-def stored_powers(run: Run, rig: Rig, *numbers: float | None) -> dict[str, Stream]:
-    """Powers that go into `STORES`, as functions of rows of the log, of those whose signal is
+def stored_powers(run: Run, rig: Rig, rows: Index, *numbers: float | None) -> dict[str, Signal]:
+    """Powers that go into `STORES` in some rows of the log that rise, of those whose signal is
     logged and whose number is known. [W]
 
     J omega domega/dt of a rotor, tau dtau/dt / k of a spring, C V dV/dt of a capacitor; negative
-    where it gives energy back.
+    where it gives energy back. Each signal is smoothed before its slope is taken.
 
     Parameters
     ----------
@@ -130,33 +131,22 @@ def stored_powers(run: Run, rig: Rig, *numbers: float | None) -> dict[str, Strea
         "spring": (run.channels.get(TORQUE), 1.0 / k_shaft if k_shaft else None),
         "capacitor": (run.channels.get("vdc"), c_dc),
     }
-    return {
-        store: partial(_stored, run.t, signal, constant, STORED_WITHIN * rig.thresholds.smoothing)
+    known = {
+        store: (signal, constant)
         for store, (signal, constant) in stores.items()
-        if signal is not None and constant is not None and run.t.size > 1
+        if signal is not None and constant is not None
     }
-
-
-def _stored(
-    t: Signal, signal: Signal, constant: float, width: float, rows: slice | Index
-) -> Signal:
-    """A constant times a signal times its slope, smoothed over a width [s], in some rows that
-    rise. [W]
-    """
-    first, last = (
-        (rows.start, rows.stop) if isinstance(rows, slice) else (int(rows[0]), int(rows[-1]) + 1)
-    )
-    begin, end = t.searchsorted(
-        (t[first] - width, t[min(last, t.size) - 1] + width)
-    )  # what smooths the ends
-    part = slice(int(begin), int(end) + 1)
-    smooth = local_quadratic(t[part], signal[part], width)
-    power = constant * smooth * np.gradient(smooth, t[part])
-    return (
-        power[first - part.start : last - part.start]
-        if isinstance(rows, slice)
-        else power[rows - part.start]
-    )
+    if not known or run.t.size < 2:
+        return {}
+    t, width = run.t, STORED_WITHIN * rig.thresholds.smoothing
+    ends = t[rows[[0, -1]]] + (-width, width)  # what smooths the first and the last row
+    begin, end = t.searchsorted(ends).tolist()
+    part = slice(begin, end + 1)
+    signals = np.array([signal[part] for signal, _ in known.values()])
+    smooth = local_quadratic(t[part], signals, width)
+    power = smooth * np.gradient(smooth, t[part], axis=1)
+    power *= np.array([[constant] for _, constant in known.values()])
+    return dict(zip(known, power[:, rows - begin], strict=True))
 
 
 def bins_of(
@@ -182,9 +172,13 @@ def bins_of(
             f"gear_ratio, "
             f"r_drum and rpm_bin of the rig {rig.name}, and the unit of the velocity."
         )
-    averaged = rig.cascade.streams(run.channels, rig.r_drum)
-    averaged |= {name: run.channels[name].__getitem__ for name in (TORQUE,) if name in run.channels}
-    averaged |= stored_powers(run, rig)
+    streams = rig.cascade.streams(run.channels, rig.r_drum)
+    streams |= {name: run.channels[name].__getitem__ for name in (TORQUE,) if name in run.channels}
+
+    def averaged(rows: Index) -> dict[str, Signal]:
+        found = {name: stream(rows) for name, stream in streams.items()}
+        return found | stored_powers(run, rig, rows)
+
     return bin_powers(speed, rpm, engaged(run, cycles, plateaus, rig), averaged, width)
 
 
@@ -205,7 +199,11 @@ def bin_width(rig: Rig, rpm_top: float) -> float:
 
 
 def bin_powers(
-    speed: Signal, rpm: float, driven: Mask, powers: Mapping[str, Stream], width: float
+    speed: Signal,
+    rpm: float,
+    driven: Mask,
+    powers: Callable[[Index], Mapping[str, Signal]],
+    width: float,
 ) -> tuple[Bin, ...]:
     """Average each power in bins of generator speed; bins without a sample are left out.
 
@@ -213,33 +211,34 @@ def bin_powers(
     ----------
     speed, rpm : (n,) signal, and the factor that turns it into generator speed [rpm]
     driven : (n,) samples that count
-    powers : what is averaged, by name, as functions of the rows of the log
+    powers : what is averaged, by name, in some rows of the log
     width : of a bin [rpm]
     """
     if not driven.any():
         return ()
-    low, high = (math.floor(of(speed[driven]) * (rpm / width)) for of in (np.min, np.max))
-    count = np.zeros(high - low + 1, dtype=np.intp)
-    sums = {name: np.zeros((2, count.size)) for name in powers}
-    for start in range(0, driven.size, BLOCK):
-        rows = start + np.flatnonzero(driven[start : start + BLOCK])
+    low, high = (math.floor(end * (rpm / width)) for end in ends_of(speed[driven]))
+    count, names = np.zeros(high - low + 1, dtype=np.intp), list[str]()
+    sums: list[Signal] = []
+    for start in range(0, driven.size, AT_ONCE):
+        rows = start + np.flatnonzero(driven[start : start + AT_ONCE])
         if rows.size:
             number = np.floor(speed[rows] * (rpm / width)).astype(np.intp) - low
             count += np.bincount(number, minlength=count.size)
-            for name, stream in powers.items():
-                x = stream(rows)
-                sums[name] += [np.bincount(number, of, count.size) for of in (x, x * x)]
+            columns = powers(rows)
+            names, x = [*columns], np.array([*columns.values()])
+            cells = np.arange(2 * len(names))[:, None] * count.size + number
+            both = np.concatenate((x, x * x)).ravel()
+            added = np.bincount(cells.ravel(), both, 2 * len(names) * count.size)
+            sums.append(added.astype(np.float64).reshape(2, len(names), count.size))
+    total, squares = np.sum(sums, axis=0)
     n = np.maximum(count, 1)
-    means, errors = {}, {}
-    for name, (total, squares) in sums.items():
-        average = total / n
-        means[name] = average.tolist()
-        errors[name] = np.sqrt(
-            np.maximum(squares / n - average * average, 0.0) / np.maximum(n - 1, 1)
-        ).tolist()
+    average = total / n
+    error = np.sqrt(np.maximum(squares / n - average * average, 0.0) / np.maximum(n - 1, 1))
     bins = []
     for k in np.flatnonzero(count).tolist():
-        mean = {name: x[k] for name, x in means.items()}
-        error = {name: x[k] for name, x in errors.items()} if count[k] > 1 else {}
-        bins.append(Bin((low + k) * width, (low + k + 1) * width, int(count[k]), mean, error))
+        mean, of_mean = (
+            dict(zip(names, column[:, k].tolist(), strict=True)) for column in (average, error)
+        )
+        of_mean = of_mean if count[k] > 1 else {}
+        bins.append(Bin((low + k) * width, (low + k + 1) * width, int(count[k]), mean, of_mean))
     return tuple(bins)

@@ -89,16 +89,16 @@ class _Rows(NamedTuple):
     lost: Signal
 
 
-class _Distance(NamedTuple):
-    """A log against the law that the others give: how far 1 / efficiency lies off, and what its
-    speed explains of that; the probability that chance alone separates it so far, and the square by
-    which the others agree better without it.
+class _Distances(NamedTuple):
+    """Logs, each against the law that the others give, (n,) each: how far 1 / efficiency lies off,
+    and what its speed explains of that; the probability that chance alone separates it so far, and
+    the square by which the others agree better without it.
     """
 
-    off: float
-    allowed: float
-    chance: float
-    square: float
+    off: Signal
+    allowed: Signal
+    chance: Signal
+    square: Signal
 
 
 def logs_apart(logs: Sequence[LogEfficiency]) -> list[Apart]:
@@ -142,16 +142,18 @@ def _apart(metric: str, logs: Sequence[LogEfficiency], alpha: float) -> list[Apa
             break
         tried = left if len(left) <= MAX_TRIED else []
         alone = [k for k in tried if not _significant(rows, [n for n in left if n != k], alpha)]
-        apart = {k: _distance(rows, [n for n in left if n != k], k) for k in alone or far}
-        best = max(
-            apart, key=lambda k: round(apart[k].square, 6)
+        apart = _distances(rows, left)
+        places = [left.index(k) for k in alone or far]
+        place = max(
+            places, key=lambda n: round(float(apart.square[n]), 6)
         )  # the first of those that explain it equally well
-        left.remove(best)
+        best = left.pop(place)
         y, others = (
             float(rows.y[best] * rows.sd[best]),
             tuple(logs[k].name for k in alone if k != best),
         )
-        expected, allowed = 1.0 / (y - apart[best].off), apart[best].allowed / y**2
+        expected = 1.0 / (y - float(apart.off[place]))
+        allowed = float(apart.allowed[place]) / y**2
         found.append(Apart(logs[best].name, metric, 1.0 / y, expected, allowed, others))
     return found
 
@@ -186,38 +188,33 @@ def _significant(rows: _Rows, left: Sequence[int], alpha: float) -> list[int]:
     """
     if len(left) <= rows.terms.shape[1]:
         return []
-    return [
-        k
-        for k in left
-        if _distance(rows, [n for n in left if n != k], k).chance * len(left) < alpha
-    ]
+    chance = _distances(rows, left).chance.tolist()
+    return [k for k, of in zip(left, chance, strict=True) if of * len(left) < alpha]
 
 
-def _distance(rows: _Rows, by: Sequence[int], k: int) -> _Distance:
-    """Compare a log with what others predict; chance alone where these give no law."""
-    inverse = np.linalg.pinv(
-        rows.terms[by], rcond=EXTREME
-    )  # terms that go together, as at one speed, count once
-    weights = rows.terms[k] @ inverse
-    known = (
-        np.abs(weights @ rows.terms[by] - rows.terms[k]).max()
-        <= EXTREME * np.abs(rows.terms[k]).max()
-    )
-    off, moved = (float(x[k] - weights @ x[by]) for x in (rows.y, rows.ln_v))
-    allowed = float(rows.lost[k] * abs(moved) * rows.y[k] * rows.sd[k])
-    beyond, variance = max(abs(off) - allowed, 0.0), 1.0 + float(weights @ weights)
-    rest = rows.y[by] - rows.terms[by] @ (inverse @ rows.y[by])
-    freedom = PRIOR + len(by) - rows.terms.shape[1]
-    f = beyond**2 / variance / float((PRIOR + rest @ rest) / freedom)
-    far = known and beyond / float(rows.y[k] ** 2 * rows.sd[k]) >= ETA_DISTANCE_MIN
-    chance = 1.0
-    if far:
+def _distances(rows: _Rows, left: Sequence[int]) -> _Distances:
+    """Compare each of the logs that are left with what the others predict; chance alone where these
+    give no law.
+
+    A log that is left out changes the fit of all by its leverage alone (Cook 1977).
+    """
+    sd, y, ln_v, terms, lost = (x[left] for x in rows)
+    basis, size, _ = np.linalg.svd(terms, full_matrices=False)
+    basis = basis[
+        :, size > EXTREME * size[0]
+    ]  # terms that go together, as at one speed, count once
+    free = 1.0 - np.einsum("ij,ij->i", basis, basis)
+    known = free > EXTREME**2
+    free = np.where(known, free, 1.0)
+    residual, moved = (x - basis @ (basis.T @ x) for x in (y, ln_v))
+    off, allowed = residual / free, lost * np.abs(moved / free) * y * sd
+    beyond, square = np.maximum(np.abs(off) - allowed, 0.0), off**2 * free
+    freedom = PRIOR + len(left) - 1 - terms.shape[1]
+    f = beyond**2 * free / ((PRIOR + residual @ residual - square) / freedom)
+    far = known & (beyond / (y**2 * sd) >= ETA_DISTANCE_MIN)
+    chance = np.ones(len(left))
+    if far.any():
         from scipy.special import fdtrc
 
-        chance = float(fdtrc(1, freedom, f))
-    return _Distance(
-        off * float(rows.sd[k]),
-        allowed * float(rows.sd[k]),
-        chance,
-        off**2 / variance if known else 0.0,
-    )
+        chance[far] = fdtrc(1, freedom, f[far])
+    return _Distances(off * sd, allowed * sd, chance, np.where(known, square, 0.0))

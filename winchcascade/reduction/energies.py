@@ -167,6 +167,7 @@ def integrate_energies(
     powers = cascade.powers(run.channels, rig.r_drum)
     known = {name: power.stream(run.channels, rig.r_drum) for name, power in powers.items()}
     whole = integrals_of(run.t, list(known.values()), np.concatenate(list(spans.values())))
+    of_gaps = {name: gaps_of(run, power.channels) for name, power in powers.items()}
     of_stages = dict(zip(known, whole.reshape(len(known), len(spans), len(windows)), strict=True))
     nothing = max(NOTHING * float(np.max(np.abs(whole), initial=0.0)), SMALLEST)
     joules: dict[str, list[float] | None] = dict.fromkeys(cascade.parts)
@@ -176,7 +177,7 @@ def integrate_energies(
     for name, (stage, span) in cascade.parts.items():
         if stage not in powers:
             continue
-        energy, gaps = of_stages[stage][[*spans].index(span)], gaps_of(run, powers[stage].channels)
+        energy, gaps = of_stages[stage][[*spans].index(span)], of_gaps[stage]
         joules[name] = (SIGN.get(name, 1.0) * energy).tolist()
         idle = (
             stage in ELECTRICAL and run.open_circuit

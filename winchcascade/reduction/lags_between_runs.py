@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from winchcascade.core.accuracy import CERTAIN
-from winchcascade.core.integrate import median
+from winchcascade.core.integrate import median, medians_of_others
 from winchcascade.reduction.reduction_result import Relation
 
 LOGS_MIN = 3
@@ -67,8 +67,8 @@ def lags_between(logs: Mapping[str, Sequence[Relation]]) -> Iterator[LagBetween]
         shared = math.hypot(of_mean, best)
         if abs(usual) >= max(OF_LEAST * first.least, CERTAIN * shared):
             yield LagBetween(tuple(known), len(known), first, usual, shared)
-        for name, r in known.items():
-            others = median(np.array([other.lag for n, other in known.items() if n != name]))
+        of_others = medians_of_others(lags).tolist()
+        for (name, r), others in zip(known.items(), of_others, strict=True):
             u = math.hypot(r.u, of_mean)
             if not r.deviates and abs(r.lag - others) >= max(OF_LEAST * r.least, CERTAIN * u):
                 yield LagBetween((name,), len(known), r, r.lag - others, u)

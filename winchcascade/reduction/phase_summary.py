@@ -125,7 +125,9 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
         [span or at for of in phases for span, at in zip(of, nowhere, strict=True)]
     ).reshape(-1, 2)
     powers = [f"power_{stage}" for stage in PAPER.names]
-    means = _means(phased, ["velocity", "force", "torque", "pressure", *powers], spans)
+    velocity, force, torque, pressure, *watts = _means(
+        phased, ["velocity", "force", "torque", "pressure", *powers], spans
+    )
     hauls = spans[2 * len(cycles) :]
     top = (-extremes(run.t, phased.v_smooth, hauls)[0]).tolist()
     minimum = (
@@ -137,29 +139,32 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
     energy = None if line is None else integrals(run.t, line, hauls).tolist()
     points: list[OperatingPoint | UnsetType] = [UNSET] * len(cycles)
     if not phased.rig.phases.by_motion and {"speed", "torque"} & run.channels.keys():
-        rows = _means(phased, ["speed", "torque"], whole_cycles(phased))
-        rpm = [None if of["speed"] is None else of["speed"] * 30.0 / math.pi for of in rows]
-        points = [OperatingPoint(speed, of["torque"]) for speed, of in zip(rpm, rows, strict=True)]
+        speeds, torques = _means(phased, ["speed", "torque"], whole_cycles(phased))
+        rpm = [None if omega is None else omega * 30.0 / math.pi for omega in speeds]
+        points = list(map(OperatingPoint, rpm, torques))
     flows, found = _both_ways(phased), []
     for k, (c, p) in enumerate(zip(cycles, phased.plateaus, strict=True)):
-        on_plateau, held, hauled = means[k :: len(cycles)]
+        held, hauled = k + len(cycles), k + 2 * len(cycles)
         plateau, hold, haul_in = None, None, None
         if p is not None:
-            speed = p.speed if known and on_plateau["velocity"] is None else on_plateau["velocity"]
-            of_channels = [on_plateau[name] for name in ("force", "torque", *powers)]
+            speed = p.speed if known and velocity[k] is None else velocity[k]
             begin, braking = spans[k].tolist()
+            of_channels = (column[k] for column in (force, torque, *watts))
             plateau = PlateauSummary(begin, braking, speed, *of_channels)
         if c.hold is not None:
-            pressure = None if held["pressure"] is None else held["pressure"] / KGCM2
+            gauge = pressure[held]
             hold = HoldSummary(
-                round(c.hold[1] - c.hold[0], 9), held["force"], held["torque"], pressure
+                round(c.hold[1] - c.hold[0], 9),
+                force[held],
+                torque[held],
+                None if gauge is None else gauge / KGCM2,
             )
         if c.haul_in is not None:
             lowest, joules = (None if of is None else of[k] for of in (minimum, energy))
             haul_in = HaulInSummary(
                 round(c.haul_in[1] - c.haul_in[0], 9),
                 top[k] if known else None,
-                hauled["force"],
+                force[hauled],
                 lowest,
                 joules,
             )
@@ -189,11 +194,9 @@ def _both_ways(phased: PhasedRun) -> Sequence[dict[str, BothWays] | UnsetType]:
     return found
 
 
-def _means(
-    phased: PhasedRun, names: Sequence[str], windows: Signal
-) -> list[dict[str, float | None]]:
-    """Time means of channels and powers in each window by name; None for what is not measured
-    and for a mean over no time.
+def _means(phased: PhasedRun, names: Sequence[str], windows: Signal) -> list[list[float | None]]:
+    """Time means of channels and powers in k windows, (m, k); None for what is not measured and
+    for a mean over no time.
     """
     run, cascade = phased.run, phased.rig.cascade
     powers = cascade.streams(run.channels, phased.rig.r_drum)
@@ -201,9 +204,11 @@ def _means(
         f"power_{name}": watts for name, watts in powers.items()
     }
     known = [name for name in names if name in streams]
-    rows = means_of(run.t, [streams[name] for name in known], windows).T.tolist()
-    nothing: dict[str, float | None] = dict.fromkeys(names)
+    found = dict(
+        zip(known, means_of(run.t, [streams[name] for name in known], windows), strict=True)
+    )
+    nothing = np.full(len(windows), np.nan)
     return [
-        nothing | {name: x for name, x in zip(known, row, strict=True) if math.isfinite(x)}
-        for row in rows
+        [x if math.isfinite(x) else None for x in found.get(name, nothing).tolist()]
+        for name in names
     ]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winchcascade.core.errors import LogError, OptionError
-from winchcascade.core.integrate import distinct, median, quantile, running
+from winchcascade.core.integrate import distinct, integrals_to, median, quantile
 from winchcascade.core.rig_file import Thresholds
 from winchcascade.core.run import Index, Run, Signal
 from winchcascade.core.smooth import local_quadratic
@@ -150,7 +150,7 @@ def _find_runs(run: Run, v: Signal, thresholds: Thresholds) -> _Runs:
         side[a:b] = 0
     changes: Index = np.concatenate(([0], np.flatnonzero(np.diff(side)) + 1, last[last < n]))
     start = distinct(changes)
-    travel = np.diff(running(run.t, v.__getitem__, np.append(start, n - 1)))
+    travel = np.diff(integrals_to(run.t, [v.__getitem__], run.t[np.append(start, n - 1)])[0])
     for b in last[
         (first == last) & (last > 0) & (last < n)
     ]:  # what a straight line over the gap travels is not known

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -414,14 +415,23 @@ def _bin(of: Bin, cascade: Cascade) -> dict[str, Any]:
     between shaft and DC link is P_mech - P_gen less these.
     """
 
-    def both(fields: Mapping[str, str]) -> dict[str, float | None]:
-        ends = ("", of.mean), ("_standard_error", of.standard_error)
-        return {
-            f"{field}{end}": part.get(name) for name, field in fields.items() for end, part in ends
-        }
-
     row: dict[str, Any] = {"rpm_low": of.rpm_low, "rpm_high": of.rpm_high, "count": of.count}
-    row |= both({stage: f"power_{stage}_w" for stage in PAPER.names} | {TORQUE: "torque_nm"})
+    row |= _with_errors(of, (*PAPER.names, TORQUE))
     row |= {f"power_{store}_w": of.mean.get(store) for store in STORES}
-    own = {"stages": both({stage: f"power_{stage}_w" for stage in cascade.names})}
-    return row | (own if cascade.configured else {})
+    return row | ({"stages": _with_errors(of, cascade.names)} if cascade.configured else {})
+
+
+def _with_errors(of: Bin, names: tuple[str, ...]) -> dict[str, float | None]:
+    """Means of some quantities in a bin and their standard errors, as written files call them."""
+    return {
+        field: (of.standard_error if error else of.mean).get(name)
+        for field, name, error in _fields(names)
+    }
+
+
+@cache
+def _fields(names: tuple[str, ...]) -> list[tuple[str, str, bool]]:
+    """Fields of some quantities of a bin: the name, the quantity, and whether it is the error."""
+    written = {name: "torque_nm" if name == TORQUE else f"power_{name}_w" for name in names}
+    ends = ("", False), ("_standard_error", True)
+    return [(field + end, name, error) for name, field in written.items() for end, error in ends]

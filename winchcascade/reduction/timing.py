@@ -7,21 +7,11 @@ motion therefore moves the channel and all that follow it; what a rig file state
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Set
-
 from winchcascade.core.accuracy import ErrorSource
-from winchcascade.core.cascade import Stream, Term
-from winchcascade.core.integrate import integrals_of, slope_of
-from winchcascade.core.run import Signal
 from winchcascade.reduction.reduction_result import Reduction
 
 TIMING = "timing"
 """Source of uncertainty that is no channel: lags between channels and motion."""
-
-Rates = Mapping[str, Mapping[str, Signal]]
-"""By stage and channel, what each span loses of its energy per second by which the channel is late,
-(k,). [W]"""
 
 
 def lag_sources(reduction: Reduction) -> list[tuple[ErrorSource, tuple[str, ...]]]:
@@ -52,29 +42,4 @@ def lag_sources(reduction: Reduction) -> list[tuple[ErrorSource, tuple[str, ...]
             found.append(
                 (ErrorSource(TIMING, "lag", relation.u_remaining, None, origin, "relation"), moved)
             )
-    return found
-
-
-def lag_rates(reduction: Reduction, late: Set[str], spans: Signal) -> Rates:
-    """What lags of single channels, those that may be late, change of the energy of each stage in k
-    spans, (k, 2) [s]."""
-    run, radius = reduction.run, reduction.rig.r_drum
-    powers = reduction.rig.cascade.powers(run.channels, radius)
-
-    def stream(term: Term, moved: str) -> Stream:
-        others = [run.channels[name] for name in term.channels if name != moved]
-        slope, scale = slope_of(run.t, run.channels[moved]), term.scale(radius)
-        return lambda part: math.prod((x[part] for x in others), start=scale * slope(part))
-
-    found: dict[str, dict[str, Signal]] = {stage: {} for stage in powers}
-    of = [
-        (found[stage], term, name)
-        for stage, p in powers.items()
-        for term in p.terms
-        for name in term.channels
-        if name in late
-    ]
-    joules = integrals_of(run.t, [stream(term, name) for _, term, name in of], spans)
-    for (rates, _, name), of_term in zip(of, joules, strict=True):
-        rates[name] = rates.get(name, 0.0) + of_term
     return found

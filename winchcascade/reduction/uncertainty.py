@@ -10,15 +10,13 @@ follows from four integrals, and nothing is integrated again.
 from __future__ import annotations
 
 import math
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cache, cached_property
-from itertools import combinations
-from typing import Any
+from itertools import accumulate, combinations, compress
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from winchcascade.core.accuracy import (
     Basis,
@@ -29,15 +27,15 @@ from winchcascade.core.accuracy import (
     error_sources,
     interval_95,
 )
-from winchcascade.core.cascade import Stream, Term
+from winchcascade.core.cascade import Term
 from winchcascade.core.errors import check_type
-from winchcascade.core.integrate import integrals_of, largest
+from winchcascade.core.integrate import Stretch, integrals_of, largest, slope_of
 from winchcascade.core.rig_file import Rig, Sensor
-from winchcascade.core.run import Run, Signal
+from winchcascade.core.run import Mask, Run, Signal
 from winchcascade.reduction.efficiency import NOTHING, Metrics
 from winchcascade.reduction.energies import SIGN, spans_of
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.reduction.timing import lag_rates, lag_sources
+from winchcascade.reduction.timing import lag_sources
 
 R_DRUM, SAMPLING = "r_drum", "sampling"
 """Sources of uncertainty that are no channels: the drum radius, where a rig file states one of it,
@@ -48,11 +46,6 @@ TAKEN_AS_EXACT = ("velocity",)
 nor gain error.
 """
 
-IMAGINARY_STEP = 1e-30
-"""Imaginary step by which the model is differentiated: what it leaves out is below rounding
-(Squire and Trapp 1998). [1]
-"""
-
 NORMAL_REACH = 3.0
 """Largest normal error that is considered, in standard uncertainties."""
 
@@ -60,11 +53,6 @@ Terms = tuple[tuple[tuple[str, ...], int], ...]
 """Channels of each term of a power, and the power of the stated drum radius that the term is
 proportional to.
 """
-
-Weights = Mapping[str, Mapping[str, Signal]]
-"""Of each metric, by the energies that it is made of, the change of the metric of a cycle with that
-energy, (k,); NaN for a cycle without the metric. Of an efficiency what comes out stands first, then
-what goes in."""
 
 
 class BudgetRow(msgspec.Struct, frozen=True):
@@ -121,6 +109,17 @@ class Uncertainty(msgspec.Struct, frozen=True):
         return self.budget.mean
 
 
+class Integrated(NamedTuple):
+    """Integrals of a stage over k spans: terms of its power; of what (x - zero_x)(y - zero_y) of each
+    term multiplies out to, (r, k), without the zeros: of each subset of its channels the rest; and
+    by channel what the spans lose per second by which it is late, (k,) each [W].
+    """
+
+    terms: Terms
+    joules: Signal
+    rates: dict[str, Signal]
+
+
 # ---------------------------------------------------------------------------- the model of errors
 class Energy(msgspec.Struct, frozen=True, dict=True):
     """One energy in k spans, as the sum of some integrals times `factors` that the errors of its
@@ -143,8 +142,8 @@ class Energy(msgspec.Struct, frozen=True, dict=True):
     def joules(self) -> Signal:
         """Energies as reduced, (k,). [J]"""
         sizes = [len(_subsets(channels)) for channels, _ in self.terms]
-        whole = np.cumsum([0, *sizes[:-1]])  # of each term the product of all its channels
-        return np.asarray(self.integrals[whole].sum(axis=0))
+        whole = accumulate(sizes[:-1], initial=0)  # of each term the product of all its channels
+        return np.asarray(sum(self.integrals[row] for row in whole))
 
     @property
     def channels(self) -> set[str]:
@@ -152,34 +151,34 @@ class Energy(msgspec.Struct, frozen=True, dict=True):
         return {name for channels, _ in self.terms for name in channels}
 
 
-def factors(terms: Terms, sources: Sequence[ErrorSource], errors: NDArray[Any]) -> NDArray[Any]:
-    """What the integrals of an energy are multiplied by to get it as channels without these errors
-    would have given it.
+def slopes(terms: Terms, sources: Sequence[ErrorSource]) -> Signal:
+    """Change of the factor of each integral of an energy with each of m errors, (r, m), where there
+    are none yet.
 
-    Parameters
-    ----------
-    errors : (m, n) of each source in n cases, real or complex; those of a sensor and its
-        acquisition system add up
-
-    Returns
-    -------
-    (r, n) of each of the `integrands`, (x - zero_x)(y - zero_y) / ((1 + gain_x)(1 + gain_y))
-    multiplied out, and of the sampling
+    An energy of channels without their errors has the factors (x - zero_x)(y - zero_y) /
+    ((1 + gain_x)(1 + gain_y)) multiplied out. So a gain changes that of the product of all
+    channels, and a zero that of the product without its channel. The integrals of the sampling and
+    of each lag follow.
     """
-    of: dict[tuple[str, str], NDArray[Any]] = defaultdict(lambda: np.zeros(errors.shape[1]))
-    for source, error in zip(sources, errors, strict=True):
-        of[source.channel, source.part] = of[source.channel, source.part] + error
-    found = []
-    for channels, radius_power in terms:
-        scale = (1.0 + of[R_DRUM, "gain"]) ** -radius_power
-        for name in channels:
-            scale = scale / (1.0 + of[name, "gain"])
-        found += [
-            math.prod((-of[name, "zero"] for name in zeros), start=scale)
-            for zeros in _subsets(channels)
-        ]
-    lags = [error for source, error in zip(sources, errors, strict=True) if source.part == "lag"]
-    return np.stack([*found, of[SAMPLING, "gain"], *lags])
+    products = [(of, zeros, power) for of, power in terms for zeros in _subsets(of)]
+    found = np.zeros((len(products) + 1 + sum(s.part == "lag" for s in sources), len(sources)))
+    late = len(products)
+    for k, source in enumerate(sources):
+        if source.part == "lag":
+            late += 1
+            found[late, k] = 1.0
+        elif source.channel == SAMPLING:
+            found[len(products), k] = 1.0
+        elif source.part == "zero":
+            found[: len(products), k] = [
+                -float(zeros == (source.channel,)) for _, zeros, _ in products
+            ]
+        else:
+            found[: len(products), k] = [
+                0.0 if zeros else -(power if source.channel == R_DRUM else of.count(source.channel))
+                for of, zeros, power in products
+            ]
+    return found
 
 
 @cache
@@ -190,12 +189,11 @@ def _subsets(channels: tuple[str, ...]) -> list[tuple[str, ...]]:
 
 class ErrorModel(msgspec.Struct, frozen=True):
     """The measured energies by their names in the parts of the cascade, and the m sources of
-    uncertainty of all spans; with the weights of all metrics whose channels have a known accuracy.
+    uncertainty of all spans.
     """
 
     energies: Mapping[str, Energy]
     sources: tuple[ErrorSource, ...]
-    weights: Weights = {}
 
     @property
     def lacking(self) -> dict[str, tuple[str, ...]]:
@@ -207,21 +205,15 @@ class ErrorModel(msgspec.Struct, frozen=True):
             name: tuple(sorted(energy.channels - stated)) for name, energy in self.energies.items()
         }
 
-    @property
-    def terms(self) -> set[Terms]:
-        """Terms of all energies, of which those of one stage have the same."""
-        return {energy.terms for energy in self.energies.values()}
-
     def changes(self) -> dict[str, Signal]:
-        """Change of each energy with one standard uncertainty of each source, (m, k), by complex
-        steps. [J]
-        """
-        steps = 1j * IMAGINARY_STEP * np.diag([source.u for source in self.sources])
-        slopes = {
-            terms: factors(terms, self.sources, steps).imag / IMAGINARY_STEP for terms in self.terms
+        """Change of each energy with one standard uncertainty of each source, (m, k). [J]"""
+        u = np.array([source.u for source in self.sources])
+        of_terms = {
+            terms: (slopes(terms, self.sources) * u).T
+            for terms in {energy.terms for energy in self.energies.values()}
         }
         return {
-            name: slopes[energy.terms].T @ energy.integrals
+            name: of_terms[energy.terms] @ energy.integrals
             for name, energy in self.energies.items()
         }
 
@@ -234,25 +226,27 @@ def error_model(reduction: Reduction) -> ErrorModel:
     spans = spans_of(
         [c.window for c in cycles], [c.phases for c in cycles], [c.net for c in cycles]
     )
-    nothing, names = np.zeros(len(cycles)), [*spans]
-    of_stage = integrated(reduction, np.concatenate([*spans.values()]))
+    every, nothing = np.concatenate([*spans.values()]), np.zeros(len(cycles))
+    in_time = np.zeros(len(every))
+    lags = lag_sources(reduction)
+    of_stage = integrated(reduction, every, {name for _, moved in lags for name in moved})
     energies = {}
     for part, (stage, span) in rig.cascade.parts.items():
         if stage in of_stage and any(c.metrics[f"energy_{part}"] is not None for c in cycles):
-            terms, joules = of_stage[stage]
-            joules = (
-                SIGN.get(part, 1.0)
-                * joules.reshape(len(joules), len(spans), -1)[:, names.index(span)]
-            )
-            sampled, gaps = (
-                reduction.sampled.get(part, nothing),
-                reduction.bridged.get(part, nothing),
-            )
+            terms, joules, rates = of_stage[stage]
+            late = [
+                sum((rates[name] for name in moved if name in rates), start=in_time)
+                for _, moved in lags
+            ]
+            first = [*spans].index(span) * len(cycles)
+            here = slice(first, first + len(cycles))
+            sign, bridged = SIGN.get(part, 1.0), reduction.bridged.get(part, nothing)
+            rows = sign * joules[:, here], reduction.sampled.get(part, nothing)
             energies[part] = Energy(
                 terms,
-                np.vstack((joules, sampled)),
-                np.ptp(spans[span], axis=1),
-                np.array(gaps) / math.sqrt(3.0),
+                np.vstack((*rows, *(sign * rate[here] for rate in late))),
+                every[here, 1] - every[here, 0],
+                np.array(bridged) / math.sqrt(3.0),
             )
     sources = _of_sensors(rig.sensors, energies)
     radius = rig.winch.r_drum
@@ -264,7 +258,8 @@ def error_model(reduction: Reduction) -> ErrorModel:
         basis: Basis = "limits" if radius.rectangular else "standard_uncertainty"
         limit = math.sqrt(3.0) * u if radius.rectangular else None
         sources.append(ErrorSource(R_DRUM, "gain", u, limit, radius.source, basis))
-    sums = [(abs(e.integrals[-1].sum()), abs(e.joules.sum())) for e in energies.values()]
+    sampling = -1 - len(lags)
+    sums = [(abs(e.integrals[sampling].sum()), abs(e.joules.sum())) for e in energies.values()]
     least = NOTHING * max((float(joules) for _, joules in sums), default=0.0)
     if share := max(
         (float(thinned / joules) for thinned, joules in sums if joules > least), default=0.0
@@ -274,60 +269,54 @@ def error_model(reduction: Reduction) -> ErrorModel:
             ErrorSource(SAMPLING, "gain", share / math.sqrt(3.0), share, origin, "resampling")
         )
         for energy in energies.values():
-            energy.integrals[-1] /= share
-    lags = lag_sources(reduction)
-    late = {name for _, moved in lags for name in moved}
-    rates = lag_rates(reduction, late, np.concatenate([*spans.values()]))
-    for part, (stage, span) in rig.cascade.parts.items():
-        if part in energies:
-            of = {
-                name: SIGN.get(part, 1.0) * x.reshape(len(spans), -1)[names.index(span)]
-                for name, x in rates[stage].items()
-            }
-            rows = [
-                sum((of[name] for name in moved if name in of), start=nothing) for _, moved in lags
-            ]
-            energies[part] = msgspec.structs.replace(
-                energies[part], integrals=np.vstack((energies[part].integrals, *rows))
-            )
-    model = ErrorModel(energies, (*sources, *(source for source, _ in lags)))
-    return msgspec.structs.replace(model, weights=_weights(reduction, model))
+            energy.integrals[sampling] /= share
+    return ErrorModel(energies, (*sources, *(source for source, _ in lags)))
 
 
-def integrated(reduction: Reduction, spans: Signal) -> dict[str, tuple[Terms, Signal]]:
-    """Terms of the power of each measured stage; and integrals over k spans, (r - 1, k), of what (x
-    - zero_x)(y - zero_y) of each term multiplies out to, without the zeros: of each subset of its
-    channels the rest.
+def integrated(
+    reduction: Reduction, spans: Signal, late: Collection[str] = ()
+) -> dict[str, Integrated]:
+    """Integrate what the power of each measured stage is made of over k spans, (k, 2) [s].
+
+    Parameters
+    ----------
+    late : channels that may be recorded late
     """
     run, rig = reduction.run, reduction.rig
-    powers = rig.cascade.powers(run.channels, rig.r_drum)
+    powers, on_drum = rig.cascade.powers(run.channels, rig.r_drum), _is_on_drum(run, rig)
 
-    def stream(term: Term, zeros: Sequence[str]) -> Stream:
-        columns, scale = (
-            [run.channels[name] for name in term.channels if name not in zeros],
-            term.scale(rig.r_drum),
-        )
+    def stream(term: Term, without: Sequence[str], *more: Stretch) -> Stretch:
+        factors = [run.channels[name].__getitem__ for name in term.channels if name not in without]
+        scale = term.scale(rig.r_drum)
         return lambda part: math.prod(
-            (x[part] for x in columns), start=np.full(run.t[part].shape, scale)
+            (x(part) for x in (*factors, *more)), start=np.full(run.t[part].shape, scale)
         )
 
+    made_of = {}
+    for stage, power in powers.items():
+        products = [stream(t, zeros) for t in power.terms for zeros in _subsets(t.channels)]
+        moved = [
+            (name, stream(term, (name,), slope_of(run.t, run.channels[name])))
+            for term in power.terms
+            for name in term.channels
+            if name in late
+        ]
+        made_of[stage] = products, moved
     streams = [
-        stream(t, zeros)
-        for power in powers.values()
-        for t in power.terms
-        for zeros in _subsets(t.channels)
+        x for products, moved in made_of.values() for x in (*products, *(y for _, y in moved))
     ]
-    rows, on_drum, found = iter(integrals_of(run.t, streams, spans)), _is_on_drum(run, rig), {}
-    for name, power in powers.items():
+    rows, found = iter(integrals_of(run.t, streams, spans)), dict[str, Integrated]()
+    for stage, (products, moved) in made_of.items():
         # An encoder on the drum counts v = r omega: F v is proportional to r, tau v / r = tau omega
         # is not.
         terms = tuple(
-            (t.channels, (on_drum and "velocity" in t.channels) - t.by_radius) for t in power.terms
+            (t.channels, (on_drum and "velocity" in t.channels) - t.by_radius)
+            for t in powers[stage].terms
         )
-        found[name] = (
-            terms,
-            np.array([next(rows) for t in power.terms for _ in _subsets(t.channels)]),
-        )
+        joules, rates = np.array([next(rows) for _ in products]), dict[str, Signal]()
+        for name, _ in moved:
+            rates[name] = rates.get(name, 0.0) + next(rows)
+        found[stage] = Integrated(terms, joules, rates)
     return found
 
 
@@ -350,23 +339,29 @@ def _of_sensors(sensors: Mapping[str, Sensor], energies: Mapping[str, Energy]) -
 
 
 # -------------------------------------------------------------------------- the budget by the GUM
-def _weights(reduction: Reduction, model: ErrorModel) -> Weights:
-    """The weights of all metrics whose channels have a known accuracy."""
-    cascade, energies, found = reduction.rig.cascade, model.energies, {}
-    known = {name for name, channels in model.lacking.items() if not channels}
+def _weights(reduction: Reduction, model: ErrorModel) -> tuple[dict[str, str], Signal]:
+    """The metrics whose channels have a known accuracy, with the energy that each is divided by, ""
+    for none; and the change of each with each energy of a cycle, (m, e, k), NaN for a cycle without
+    the metric.
+    """
+    cascade, energies = reduction.rig.cascade, model.energies
+    known, place = {n for n, lacks in model.lacking.items() if not lacks}, [*energies]
+    divisors, found = dict[str, str](), list[Signal]()
     for metric in cascade.all_metrics:
-        names = cascade.all_ratios.get(metric, (metric.replace("power_", "energy_"),))
-        out, *into = (name.removeprefix("energy_") for name in names)
-        if known.issuperset({out, *into}):
-            given = np.array([c.metrics[metric] is not None for c in reduction.cycles], dtype=bool)
+        names = cascade.all_ratios.get(metric, (metric.replace("power_", "energy_"), ""))
+        out, into = (name.removeprefix("energy_") for name in names)
+        if known.issuperset({out, into or out}):
+            of_cycles = np.array([c.metrics[metric] for c in reduction.cycles], dtype=np.float64)
+            span = energies[out].t if metric.startswith("power_") else 1.0
+            divisor = energies[into].joules if into else span
+            weights = np.zeros((len(energies), of_cycles.size))
+            divided = np.where(np.isfinite(of_cycles), divisor, np.nan)
+            weights[place.index(out)] = 1.0 / divided
             if into:
-                joules = np.where(given, energies[into[0]].joules, np.nan)
-                eta = np.maximum(energies[out].joules / joules, NOTHING)
-                found[metric] = {out: 1.0 / joules, into[0]: -eta / joules}
-            else:
-                span = energies[out].t if metric.startswith("power_") else 1.0
-                found[metric] = {out: np.where(given, 1.0, np.nan) / span}
-    return found
+                weights[place.index(into)] = -of_cycles / divided
+            divisors[metric] = into
+            found.append(weights)
+    return divisors, np.reshape(found, (len(found), len(energies), len(reduction.cycles)))
 
 
 def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
@@ -378,80 +373,92 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
     model : of this reduction, if it is made already
     """
     model = model or error_model(reduction)
-    names, sensors, energies = (
-        reduction.rig.cascade.all_metrics,
+    sensors, energies, names = (
         reduction.rig.sensors,
         model.energies,
+        reduction.rig.cascade.all_metrics,
     )
     in_place = {n: s for n, s in sensors.items() if s.u_zero is not None or s.u_gain is not None}
     bare = {n: msgspec.structs.replace(s, u_zero=None, u_gain=None) for n, s in in_place.items()}
     own, limits = len(model.sources), _of_sensors(bare, energies)
     changes = ErrorModel(energies, (*model.sources, *limits)).changes()
-    reach = np.array([NORMAL_REACH if s.limit is None else s.limit / s.u for s in model.sources])
-    complete = np.array([c.complete for c in reduction.cycles], dtype=bool)
-    cycles, cycles_by_limits = ([Metrics({}, names) for _ in reduction.cycles] for _ in range(2))
-    given = [m for m in names if reduction.mean[m] is not None]
-    parts, by_limits, undetermined = {}, {}, []
-    for metric, of in model.weights.items():
-        counted = complete & np.isfinite(next(iter(of.values())))
-        divisors = list(of)[1:] if metric in given else []
-        taken = [
-            reach @ np.abs(changes[name][:own]) >= np.abs(energies[name].joules)
-            for name in divisors
-        ]
-        if np.any(taken and taken[0] & counted):
-            undetermined.append(metric)
-            continue
-        moved = np.asarray(sum(w * changes[name] for name, w in of.items()))
-        gaps = np.sqrt(sum((w * energies[name].gaps) ** 2 for name, w in of.items()))
-        for found, part in (
-            (cycles, np.vstack((moved[:own], gaps))),
-            (cycles_by_limits, moved[own:]),
-        ):
-            for cycle, u in zip(found, np.sqrt((part**2).sum(axis=0)).tolist(), strict=True):
-                if len(part) and math.isfinite(u):
-                    cycle[metric] = u
-        if metric in given:
-            means = np.abs(moved[:, counted].sum(axis=1)) / counted.sum()
-            parts[metric] = [
-                *means[:own].tolist(),
-                float(np.linalg.norm(gaps[counted])) / float(counted.sum()),
-            ]
-            by_limits[metric] = math.hypot(*means[own:])
-    sources = [
-        *model.sources,
-        *([None] if any(energy.gaps.any() for energy in energies.values()) else []),
+    divisors, weights = _weights(reduction, model)
+    complete = np.array([cycle.complete for cycle in reduction.cycles], dtype=bool)
+    counted = np.isfinite(weights).all(axis=1) & complete
+    lost, has_mean = _lost(model, changes), [reduction.mean[m] is not None for m in divisors]
+    taken = [
+        bool(into) and given and bool(np.any(lost[into] & cycles))
+        for into, given, cycles in zip(divisors.values(), has_mean, counted, strict=True)
     ]
-    values = {
-        m: [c.metrics.value(m) for c in reduction.complete if c.metrics[m] is not None]
-        for m in given
+    weights[taken] = np.nan
+    shape = len(energies), own + len(limits), len(reduction.cycles)
+    moved = np.einsum("mek,esk->msk", weights, np.reshape([*changes.values()], shape))
+    missed = np.reshape([energy.gaps for energy in energies.values()], shape[::2])
+    gaps = np.sqrt(np.einsum("mek,ek->mk", weights**2, missed**2))
+    number = np.where(has_mean, counted.sum(axis=1), np.nan)[:, None]
+    means = np.abs(np.where(counted[:, None], moved, 0.0).sum(axis=2)) / number
+    bridged = np.linalg.norm(np.where(counted, gaps, 0.0), axis=1, keepdims=True) / number
+    parts = np.hstack((means[:, :own], bridged))
+    by_sensors, scatters = np.linalg.norm(parts, axis=1), _scatters(reduction)
+    mean = np.hypot(by_sensors, [scatters[m].u if m in scatters else 0.0 for m in divisors])
+
+    def named(values: Signal) -> Metrics:
+        known = zip(divisors, values.tolist(), strict=True)
+        return Metrics({m: value for m, value in known if math.isfinite(value)}, names)
+
+    sources = [*model.sources, *([None] if missed.any() else [])]
+    nothing, of_mean = Metrics({}, names), named(mean)
+    used = {name for energy in energies.values() for name in energy.channels}
+    freedom = {
+        m: effective_freedom([scatters[m]] if m in scatters else [], u)
+        for m, u in of_mean.items()
+        if u is not None
     }
-    repeated = {m: x for m, x in values.items() if reduction.rig.phases.repeats and len(x) > 1}
-    scatter = {m: float(np.std(x, ddof=1)) / math.sqrt(len(x)) for m, x in repeated.items()}
-    of_cycles = {m: [Scatter(u, len(values[m]) - 1.0)] for m, u in scatter.items()}
-    mean = {m: math.hypot(*x, scatter.get(m, 0.0)) for m, x in parts.items()}
-    used, lacking = (
-        {name for energy in energies.values() for name in energy.channels},
-        model.lacking.values(),
-    )
     return Budget(
-        rows=tuple(
-            BudgetRow(s, Metrics({m: x[k] for m, x in parts.items()}, names))
-            for k, s in enumerate(sources)
+        rows=tuple(BudgetRow(source, named(parts[:, k])) for k, source in enumerate(sources)),
+        sensors=named(by_sensors),
+        repeatability=Metrics({m: scatter.u for m, scatter in scatters.items()}, names),
+        mean=of_mean,
+        freedom=Metrics(freedom, names),
+        cycles=tuple(map(named, np.hypot(np.linalg.norm(moved[:, :own], axis=1), gaps).T)),
+        by_limits=named(np.linalg.norm(means[:, own:], axis=1)) if limits else nothing,
+        cycles_by_limits=tuple(
+            named(u) if limits else nothing for u in np.linalg.norm(moved[:, own:], axis=1).T
         ),
-        sensors=Metrics({m: math.hypot(*x) for m, x in parts.items()}, names),
-        repeatability=Metrics(scatter, names),
-        mean=Metrics(mean, names),
-        freedom=Metrics(
-            {m: effective_freedom(of_cycles.get(m, ()), u) for m, u in mean.items()}, names
-        ),
-        cycles=tuple(cycles),
-        by_limits=Metrics(by_limits if limits else {}, names),
-        cycles_by_limits=tuple(cycles_by_limits),
         exact=tuple(sorted(used.intersection(TAKEN_AS_EXACT) - {s.channel for s in model.sources})),
-        unknown=tuple(sorted({channel for channels in lacking for channel in channels})),
-        undetermined=tuple(undetermined),
+        unknown=tuple(sorted({name for lacks in model.lacking.values() for name in lacks})),
+        undetermined=tuple(compress(divisors, taken)),
     )
+
+
+def _lost(model: ErrorModel, changes: Mapping[str, Signal]) -> dict[str, Mask]:
+    """Cycles in which the errors of all sources could take away all of an energy, (k,) each.
+
+    Parameters
+    ----------
+    changes : of each energy with each source; those beyond the sources of the model do not count
+    """
+    reach = np.array([NORMAL_REACH if s.limit is None else s.limit / s.u for s in model.sources])
+    return {
+        name: reach @ np.abs(changes[name][: reach.size]) >= np.abs(energy.joules)
+        for name, energy in model.energies.items()
+    }
+
+
+def _scatters(reduction: Reduction) -> dict[str, Scatter]:
+    """Repeatability of the means: of metrics that several complete cycles have, where cycles
+    repeat.
+    """
+    if not reduction.rig.phases.repeats:
+        return {}
+    metrics = [m for m, mean in reduction.mean.items() if mean is not None]
+    rows = [[cycle.metrics[metric] for metric in metrics] for cycle in reduction.complete]
+    values = np.reshape(np.array(rows, dtype=np.float64), (len(rows), len(metrics)))
+    number = np.count_nonzero(np.isfinite(values), axis=0)
+    squares = np.nansum((values - np.nansum(values, axis=0) / number) ** 2, axis=0)
+    u = np.sqrt(squares / (np.maximum(number - 1, 1) * number))
+    known = zip(metrics, u.tolist(), number.tolist(), strict=True)
+    return {metric: Scatter(of, n - 1.0) for metric, of, n in known if n > 1}
 
 
 def uncertainty(reduction: Reduction) -> Uncertainty:

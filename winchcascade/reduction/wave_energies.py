@@ -196,7 +196,7 @@ def _record(reduction: Reduction, model: ErrorModel) -> tuple[dict[str, Energy],
     pieces = np.column_stack((begins, [*gaps[~bridged, 0], run.t[-1]]))
     pieces = pieces[pieces[:, 0] < pieces[:, 1]]
     duration, found = float(np.ptp(pieces, axis=1).sum()), {}
-    for stage, (terms, joules) in integrated(reduction, pieces).items():
+    for stage, (terms, joules, _) in integrated(reduction, pieces).items():
         watts = next(s for s in rig.cascade.stages if s.name == stage).watts(
             run.channels, rig.r_drum
         )

@@ -280,10 +280,7 @@ def quantities(found: SimulatedLog, run: Run) -> dict[str, Signal]:
         columns["power_gen_w"] = gen
     if mech is not None and gen is not None:
         numbers = shaft.inertia_rotor, shaft.k_shaft, found.simulation.model.dc_link.c_dc
-        stored = {
-            name: of(slice(0, run.t.size))
-            for name, of in stored_powers(run, found.rig, *numbers).items()
-        }
+        stored = stored_powers(run, found.rig, np.arange(run.t.size), *numbers)
         columns["input_w"] = mech - stored["rotor"] - stored.get("spring", 0.0)
         columns["output_w"] = gen + stored["capacitor"]
         columns["loss_w"] = columns["input_w"] - columns["output_w"]

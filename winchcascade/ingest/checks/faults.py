@@ -165,9 +165,11 @@ def _spikes(log: Samples, name: str, x: Signal, at: Index) -> Iterator[tuple[int
     """Stretches [first, after) of a few samples that lie off a straight line through their neighbours
     alike (a Hampel filter at the jumps after the samples `at`)."""
     level, jump = log.level(name), x[at + 1] - x[at]
-    for length in range(1, SPIKE_LENGTH_MAX + 1):
-        back = np.minimum(np.searchsorted(at, at + length), at.size - 1)
-        before = at[(at[back] == at + length) & (jump * jump[back] < 0.0)]
+    ends = at + np.arange(1, SPIKE_LENGTH_MAX + 1)[:, None]
+    back = np.minimum(at.searchsorted(ends), at.size - 1)
+    comes_back = (at[back] == ends) & (jump * jump[back] < 0.0)
+    for length, chosen in enumerate(comes_back, 1):
+        before = at[chosen]
         if length == 1:  # one that repeats its neighbour on a ramp jumps at one end only
             before = np.append(before, at[(at > 0) & (x[at] == x[at - 1])] - 1)
         if not before.size:

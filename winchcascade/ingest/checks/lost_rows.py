@@ -8,6 +8,8 @@ back moves onsets and windows, and a lag over a payout does not show one row.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from winchcascade.core.integrate import BLOCK, GAUSS, median, quantile
@@ -113,8 +115,13 @@ def _jumps(log: Samples) -> list[tuple[int, float, float]]:
             :, SIDE
         ]
     v, sizes, found = whole(t, v), [], []
+
+    @lru_cache(maxsize=1)  # a log of one block needs it once
+    def steps(first: int) -> tuple[Signal, Signal, Signal]:
+        return _steps(t, x, v, first, min(first + BLOCK, t.size - 1))
+
     for first in range(0, t.size - 1, BLOCK * max(1, t.size // (8 * BLOCK))):
-        interval, speed, beyond = _steps(t, x, v, first, min(first + BLOCK, t.size - 1))
+        interval, speed, beyond = steps(first)
         sizes.append(np.abs(beyond[(interval < longest) & (np.abs(speed) > v_onset)]))
     size = np.concatenate(sizes)
     if size.size < 4 * SIDE:
@@ -122,7 +129,7 @@ def _jumps(log: Samples) -> list[tuple[int, float, float]]:
     least = max(OF_USUAL * quantile(size, 0.95), OF_NOISE * GAUSS * median(size))
     least = max(least, OF_STEP * log.level("displacement").step)
     for first in range(0, t.size - 1, BLOCK):
-        interval, speed, beyond = _steps(t, x, v, first, min(first + BLOCK, t.size - 1))
+        interval, speed, beyond = steps(first)
         large = (np.abs(beyond) > np.maximum(least, ROW * np.abs(speed) * interval)) & (
             interval < longest
         )

@@ -13,9 +13,9 @@ import numpy as np
 from winchcascade.core.channels import Channel
 from winchcascade.core.integrate import (
     ENOUGH,
+    between,
     distinct,
     positive_median,
-    smallest_step,
     stretches_of,
     usual_interval,
 )
@@ -99,15 +99,14 @@ def level_of(x: Signal) -> Level:
     if begin.size < 4 or not spread.size:
         return _level(0.0, 0.0, 0.0, 0.0)
     steps = np.diff(begin)
+    changes = np.abs(steps)
     # Medians of white noise are 0.954 and 1.652 standard deviations; a ramp shows in the one, a
     # ringing in the other.
-    noise = min(
-        positive_median(np.abs(change)) / usual
-        for change, usual in ((steps, 0.954), (np.diff(steps), 1.652))
-    )
+    noise = min(positive_median(changes) / 0.954, positive_median(np.abs(np.diff(steps))) / 1.652)
     low, high = _ends(spread)
-    step = smallest_step(begin)
-    large = np.flatnonzero(np.abs(steps) > _level(low, high, noise, step).fault)
+    step = float(changes.min(initial=math.inf, where=changes > 0.0))
+    step = step if math.isfinite(step) else 0.0
+    large = np.flatnonzero(changes > _level(low, high, noise, step).fault)
     beside = np.sort(begin[np.concatenate((large, large + 1))])
     more = max(3, math.ceil(0.05 * large.size)) - 1
     codes = distinct(beside[more:][beside[more:] == beside[:-more]])  # equal ones follow each other
@@ -121,9 +120,7 @@ def level_of(x: Signal) -> Level:
 def _ends(x: Signal) -> tuple[float, float]:
     """Ends of the range of a signal, each value once: a log may rest for hours."""
     values = distinct(x)
-    places = np.array([0.005, 0.995]) * (values.size - 1)
-    low, high = np.interp(places, np.arange(values.size), values).tolist()
-    return low, high
+    return between(values, 0.005), between(values, 0.995)
 
 
 def _level(low: float, high: float, noise: float, step: float) -> Level:

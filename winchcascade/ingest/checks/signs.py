@@ -57,7 +57,8 @@ def opposite_signs(log: Samples) -> dict[str, str]:
     if "velocity" not in channels:
         return {}
     flipped: dict[str, str] = {}
-    some = {name: np.nan_to_num(x[:: max(1, x.size // ENOUGH)]) for name, x in channels.items()}
+    some = {name: x[:: max(1, x.size // ENOUGH)] for name, x in channels.items()}
+    some = {name: x if np.isfinite(x.sum()) else np.nan_to_num(x) for name, x in some.items()}
     v = some["velocity"]
     if "pressure" in some and median(some["pressure"]) < VACUUM:
         some["pressure"] = -some["pressure"]

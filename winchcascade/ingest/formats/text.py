@@ -386,6 +386,8 @@ class _Parser:
         or too few.
         """
         long = len(block) > THREAD_BYTES
+        # The default pool starts slowly, and keeps memory that is not used.
+        pool = pa.system_memory_pool()
         table = csv.read_csv(
             pa.BufferReader(block),
             read_options=csv.ReadOptions(
@@ -402,9 +404,9 @@ class _Parser:
                 null_values=self.marks,
                 decimal_point=self.layout.decimal,
             ),
-            memory_pool=pa.system_memory_pool(),  # the default pool starts slowly, and keeps memory that is not used
+            memory_pool=pool,
         )
-        return {k: table.column(str(k)).combine_chunks() for k in self.types}
+        return {k: table.column(str(k)).combine_chunks(pool) for k in self.types}
 
     def _by_row(self, block: bytes) -> dict[int, pa.Array]:
         """Columns of rows with as many cells as the others, or whose cells too many or too few

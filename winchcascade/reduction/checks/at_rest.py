@@ -7,13 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
 from winchcascade.core.accuracy import CERTAIN
 from winchcascade.core.integrate import largest, median, median_and_error, stretches_of
-from winchcascade.core.quantity import ATMOSPHERE
 from winchcascade.reduction.checks.phased_log import MIN_COMPARED, Fault, PhasedLog, Span
 
 TIME_CONSTANTS = 5.0
@@ -30,44 +28,6 @@ UNSTATED = 0.05
 """Smallest zero of a torque sensor without a stated accuracy that is reported, as a share of the
 usual torque; a current that is a smaller share of its usual value holds no torque, and a shaft
 rests below a fifth of it, of its top speed. [1]"""
-
-
-class Rest(NamedTuple):
-    """A rest before a payout or a hold after it, and the end of the motion before it that turned
-    the rotor. [s]
-    """
-
-    begin: float
-    end: float
-    hold: bool
-    last: float
-
-
-def rests_of(log: PhasedLog) -> list[Rest]:
-    """Rests before payouts and holds after them, in order of time; a one-way clutch is open in
-    haul-in.
-
-    Before the first payout the beginning of the log counts as the end of the motion, since the time
-    before it is unknown.
-    """
-    phased, blur, found = log.phased, 0.5 * log.rig.thresholds.smoothing, []
-    for k in phased.chosen():
-        cycle, before = phased.cycles[k], phased.cycles[k - 1] if k else None
-        if not cycle.begins_inside and (before is None or before.haul_in is not None):
-            begin = (
-                float(log.run.t[0])
-                if before is None or before.haul_in is None
-                else before.haul_in[1]
-            )
-            turned = (
-                begin
-                if before is None or log.rig.drivetrain.one_way_clutch is False
-                else before.payout_end
-            )
-            found.append(Rest(begin + blur, cycle.onset - blur, False, turned))
-        if cycle.hold is not None:
-            found.append(Rest(cycle.hold[0] + blur, cycle.hold[1] - blur, True, cycle.payout_end))
-    return found
 
 
 def waits_of(log: PhasedLog) -> dict[str, float]:
@@ -98,7 +58,7 @@ def zeros(log: PhasedLog) -> Iterator[Fault]:
     it moves. What remains of a rest counts if it is longer than the smoothing, which cannot tell
     less of it from the beginning of the next motion.
     """
-    rests = rests_of(log)
+    rests = log.rests
     for channel, wait in waits_of(log).items():
         spans, holds = [], []
         for rest in rests:
@@ -178,7 +138,7 @@ def force_at_rest(log: PhasedLog) -> Iterator[Fault]:
     force that holds the gas without friction (Sec. 2.1.2), and a line over the time is fitted to
     both. They scatter at least by the zero.
     """
-    part, held = log.rig.restoring, forces_at_rest(log)
+    part, held = log.rig.restoring, log.forces_at_rest
     u_zero, spans = log.phased.u_zero("force"), [(rest.begin, rest.end) for rest, _, _ in held]
     if part.lead_angle and part.half_angle and part.mu_screw and held:
         tangent, flank, mu = (
@@ -209,12 +169,13 @@ def force_at_rest(log: PhasedLog) -> Iterator[Fault]:
     ]
     kinds[:, 2] = (kinds[:, 2] - log.run.t[0]) / (log.run.t[-1] - log.run.t[0])
     kinds = kinds[:, kinds.any(axis=0)]
-    weight, *_ = np.linalg.lstsq(kinds, forces * usual / balances)
-    residual = forces * usual / balances - kinds @ weight
+    inverse, balanced = np.linalg.pinv(kinds), forces * usual / balances
+    weight = inverse @ balanced
+    residual = balanced - kinds @ weight
     scatter = math.hypot(
         u_zero, float(np.linalg.norm(residual)) / math.sqrt(max(forces.size - 3, 1))
     )
-    u = scatter * math.sqrt(np.linalg.pinv(kinds.T @ kinds)[-1, -1])
+    u = scatter * float(np.linalg.norm(inverse[-1]))
     if abs(weight[-1]) > CERTAIN * max(u_zero, u):
         yield Fault(
             "force_drift",
@@ -222,37 +183,3 @@ def force_at_rest(log: PhasedLog) -> Iterator[Fault]:
             [(rest.begin, rest.end) for rest, _, _ in held],
             {"over": float(weight[-1])},
         )
-
-
-def forces_at_rest(log: PhasedLog) -> list[tuple[Rest, float, float]]:
-    """Rests with the median line tension, and with the one that holds the gas without friction.
-    [N]
-    """
-    part, radius, found = log.rig.restoring, log.rig.r_drum, []
-    if (
-        radius is None
-        or part.lead is None
-        or part.area_piston is None
-        or not log.phased.u_zero("force")
-    ):
-        return []
-    per_travel = (
-        part.area_piston.value * part.lead.value / (2.0 * math.pi * radius)
-    )  # of gas; force per pressure
-    for rest in rests_of(log):
-        force, gauge, paid = (
-            log.samples(name, [rest[:2]]) for name in ("force", "pressure", "displacement")
-        )
-        balanced = 0.0
-        if gauge.size:
-            balanced = median(gauge) * per_travel
-        elif paid.size and part.p_precharge is not None and part.volume_gas is not None:
-            left = 1.0 - per_travel * median(paid) / part.volume_gas.value
-            balanced = (
-                ((part.p_precharge.value + ATMOSPHERE) / left - ATMOSPHERE) * per_travel
-                if left > 0.0
-                else 0.0
-            )
-        if force.size >= MIN_COMPARED // 2 and balanced > 0.0:
-            found.append((rest, median(force), balanced))
-    return found

@@ -20,7 +20,6 @@ from winchcascade.core.integrate import median, median_and_error
 from winchcascade.core.quantity import TURN, Quantity
 from winchcascade.core.run import Signal
 from winchcascade.core.scales import SILICON
-from winchcascade.reduction.checks.at_rest import forces_at_rest
 from winchcascade.reduction.checks.phased_log import Fault, PhasedLog
 
 POWER = 0.04
@@ -60,28 +59,14 @@ def exceeded(log: PhasedLog) -> Iterator[Fault]:
                 "low": 1.0 + excess - 2.0 * u,
                 "high": 1.0 + excess + 2.0 * u,
             }
-            yield Fault(bound.name, bound.channel, plateaus_of(log), values)
+            yield Fault(bound.name, bound.channel, log.level, values)
 
 
-def plateaus_of(log: PhasedLog) -> list[tuple[float, float]]:
-    """Plateaus of the checked payouts. [s]"""
-    found = (log.phased.plateaus[k] for k in log.phased.chosen())
-    return [(p.begin, p.braking) for p in found if p is not None and p.braking > p.begin]
-
-
-def _means(log: PhasedLog, *names: str) -> Signal | None:
-    """Means of channels over each plateau, (m, k); None where the log lacks one."""
-    spans = [log.phased.rows(*span) for span in plateaus_of(log)]
-    channels = [log.run.channels.get(name) for name in names]
-    if any(x is None for x in channels):
+def _means(log: PhasedLog, *names: str) -> list[Signal] | None:
+    """Means of channels over each plateau, (k,) each; None where the log lacks one, or plateaus."""
+    if not log.level_rows or not log.level_means.keys() >= {*names}:
         return None
-    return np.array(
-        [
-            [x[rows].mean() for rows in spans if rows.stop > rows.start]
-            for x in channels
-            if x is not None
-        ]
-    )
+    return [log.level_means[name] for name in names]
 
 
 def _ratio_of_speeds(log: PhasedLog) -> float | None:
@@ -94,10 +79,10 @@ def power_of_line(log: PhasedLog) -> Bound | None:
     """P_mech over P_line without what the restoring module takes: at least what holds the gas, or
     the line at rest, as friction and the gas add to it in a payout."""
     means, radius = _means(log, "force", "torque"), log.rig.r_drum
-    if means is None or not means.size or radius is None:
+    if means is None or radius is None:
         return None
     force, torque = means
-    held = [min(tension, balanced) for _, tension, balanced in forces_at_rest(log)]
+    held = [min(tension, balanced) for _, tension, balanced in log.forces_at_rest]
     drives = force - (max(median(np.array(held)), 0.0) if held else 0.0)
     if not (drives > 0.0).all():
         return None
@@ -110,7 +95,7 @@ def power_of_shaft(log: PhasedLog) -> Bound | None:
     P_mech. What DC capacitor and rotor take up or give back between the ends of a plateau counts."""
     train, machine, radius = log.rig.drivetrain, log.rig.generator, log.rig.r_drum
     means, per_line = _means(log, "velocity", "torque", "vdc", "idc"), _ratio_of_speeds(log)
-    if means is None or not means.size or per_line is None or radius is None or log.idle:
+    if means is None or per_line is None or radius is None or log.idle:
         return None
     v, torque, v_dc, i_dc = means
     mesh = _stated(log, "drivetrain.eta_mesh", train.eta_mesh, 1.0)
@@ -134,11 +119,10 @@ def power_of_shaft(log: PhasedLog) -> Bound | None:
 def _rises_of_square(log: PhasedLog, name: str) -> Signal:
     """Mean rate at which the square of a channel rises over each plateau, (k,). [unit squared per
     second]"""
-    x, spans = log.run.channels[name], [log.phased.rows(*span) for span in plateaus_of(log)]
+    x = log.run.channels[name]
     rates = [
         (x[rows][-1] ** 2 - x[rows][0] ** 2) * log.run.fs / (rows.stop - rows.start)
-        for rows in spans
-        if rows.stop > rows.start
+        for rows in log.level_rows
     ]
     return np.array(rates)
 
@@ -156,7 +140,7 @@ def peak_of_voltage(log: PhasedLog) -> Bound | None:
         _means(log, "velocity", "vdc"),
         _ratio_of_speeds(log),
     )
-    if k_e is None or means is None or not means.size or per_line is None:
+    if k_e is None or means is None or per_line is None:
         return None
     if not log.rig.states("generator.k_e", "drivetrain.gear_ratio", "winch.r_drum"):
         return None

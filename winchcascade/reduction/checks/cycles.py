@@ -133,11 +133,14 @@ def copied_cycles(log: PhasedLog) -> Iterator[Fault]:
         return
     windows = [(c.window.onset, c.window.cutoff) for c in log.complete]
     rows = [log.phased.rows(*window) for window in windows]
-    keys = [row_keys(x[part] for x in channels.values()) for part in rows]
-    every, sizes = np.concatenate(keys), [part.size for part in keys]
-    of_cycle = np.repeat(np.arange(len(keys)), sizes)
+    every = np.concatenate([row_keys(x[part] for x in channels.values()) for part in rows])
+    sizes = [part.stop - part.start for part in rows]
+    of_cycle = np.repeat(np.arange(len(rows), dtype=np.int32), sizes)
     order = np.argsort(every, kind="stable")
-    begins = np.flatnonzero(np.diff(every[order], prepend=np.nan))
+    every = every[order]
+    begins = np.append(0, np.flatnonzero(every[1:] != every[:-1]) + 1)
+    if begins.size >= every.size:
+        return
     first = np.empty_like(of_cycle)  # of the cycles that hold an equal row
     first[order] = np.repeat(of_cycle[order[begins]], np.diff(begins, append=every.size))
     copies = []

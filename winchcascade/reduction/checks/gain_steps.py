@@ -25,18 +25,35 @@ LOWEST = 0.1
 """Lowest level of a step, as a share of the largest value, and its distance from that: beyond are
 zeros, and noise of the plateau. [1]"""
 
+NO_STEP = (0.0, 0.0, 0.0, 0.0)
+"""A step that is none."""
+
+OWN = 1e-9
+"""Least determinant of the products of columns of unit norm that count as their own, and least
+share of the square of one more column that the others do not give. [1]"""
+
 PARTNERS = (("vdc", "idc", 1), ("torque", "force", 2))
 """Two channels of which each is a polynomial of this degree of the other. At the onset the friction
 of the restoring module reverses, so that the tension counts after it."""
 
 
 class Fitted(NamedTuple):
-    """Weights of columns, their standard errors, and the sum of squares of the residual as a share
-    of the variance of y [1]."""
+    """Least squares of y, (n,), by columns: these without their means and of unit norm, (m, n); the
+    inverse of their products, (m, m); what they give of y, (n,); and what they leave of it, (n,)."""
 
-    weight: Signal
-    error: Signal
-    residual: float
+    columns: Signal
+    inverse: Signal
+    level: Signal
+    residual: Signal
+
+
+class Step(NamedTuple):
+    """Height of a step that a fit lacks, its standard error, and the standard deviation of what it
+    leaves."""
+
+    height: float
+    error: float
+    left: float
 
 
 def stepped(log: PhasedLog) -> Iterator[Fault]:
@@ -105,30 +122,41 @@ def ramp_of(log: PhasedLog, k: int, partners: tuple[str, str], *, of_line: bool)
 
 
 def fit(columns: Signal, y: Signal) -> Fitted | None:
-    """Regress y, (n,), on columns, (m, n), and a constant; None where a column is not its own.
+    """Regress y, (n,), on columns, (m, n), and a constant; None where a column is not its own."""
+    if y.size < max(MIN_COMPARED, 5 * len(columns)):
+        return None
+    columns = columns - columns.mean(axis=1, keepdims=True)
+    size = np.sqrt(np.einsum("ij,ij->i", columns, columns))
+    if not size.all():
+        return None
+    columns /= size[:, None]
+    product = np.einsum("ij,kj->ik", columns, columns)  # not by BLAS, whose threads wait
+    if np.linalg.det(product) < OWN:
+        return None
+    inverse = np.linalg.inv(product)
+    weight = inverse @ np.einsum("ij,j->i", columns, y)
+    level = np.einsum("i,ij->j", weight, columns) + y.mean()
+    return Fitted(columns, inverse, level, y - level)
+
+
+def step_beside(course: Fitted, column: Signal) -> Step | None:
+    """Regress on one more column, (n,), too; None where it is not its own.
 
     The residual is correlated from sample to sample, so that fewer of them count.
     """
-    if y.size < max(MIN_COMPARED, 5 * len(columns)):
+    column = column - column.mean()
+    along = course.inverse @ np.einsum("ij,j->i", course.columns, column)
+    own = column - np.einsum("i,ij->j", along, course.columns)
+    square, n = float(own @ own), column.size
+    if n < 5 * (len(along) + 1) or square <= OWN * (column @ column):
         return None
-    columns, y = columns - columns.mean(axis=1, keepdims=True), y - y.mean()
-    product = np.einsum(
-        "ij,kj->ik", columns, columns
-    )  # not by BLAS, whose threads wait for each other
-    size, of_y = np.sqrt(product.diagonal()), float(y @ y)
-    if not size.all() or of_y == 0.0:
-        return None
-    product /= size * size[:, None]
-    if np.linalg.det(product) < 1e-9:
-        return None
-    inverse = np.linalg.inv(product)
-    weight = inverse @ (np.einsum("ij,j->i", columns, y) / size)
-    residual = y - np.einsum("i,ij->j", weight / size, columns)
+    height = float(own @ course.residual) / square
+    residual = course.residual - height * own
     left = float(residual @ residual)
     following = float(residual[1:] @ residual[:-1]) / max(left, SMALLEST)
     fewer = max((1.0 + following) / max(1.0 - following, 1e-3), 1.0)
-    error = np.sqrt(inverse.diagonal() * left * fewer / y.size)
-    return Fitted(weight / size, error / size, left / of_y)
+    error = math.sqrt(left * fewer / n / square)
+    return Step(height, error, math.sqrt(left / n))
 
 
 def largest_step(y: Signal, smooth: Signal, zero: float) -> tuple[float, float, float, float]:
@@ -140,20 +168,19 @@ def largest_step(y: Signal, smooth: Signal, zero: float) -> tuple[float, float, 
     of x does, and a step of its size is none, nor is one that the zero of a sensor explains, or
     that hides in what the columns leave. At half of the scale, a gain is twice its step."""
     course = fit(smooth, y)
-    if course is None or course.residual > FOLLOWS:
-        return 0.0, 0.0, 0.0, 0.0
-    top, level = largest(y), course.weight @ smooth
-    level += float(np.mean(y - level))
+    if course is None or np.var(course.residual) >= FOLLOWS * np.var(y):
+        return NO_STEP
+    top, level, residual = largest(y), course.level, course.residual
     order, place = np.argsort(level), np.arange(1, y.size)
     between = (level[order[1:]] > LOWEST * top) & (level[order[1:]] < (1.0 - LOWEST) * top)
     weight = np.where(between, np.sqrt(place * (y.size - place)), np.inf)
-    best = level[order[int(np.argmax(np.abs(np.cumsum((y - level)[order])[:-1]) / weight)) + 1]]
-    found = fit(np.vstack((smooth, level >= best)), y)
-    if (
-        found is None or abs(found.weight[-1]) < (CERTAIN + 1.0) * found.error[-1]
-    ):  # as one of many levels
-        return 0.0, 0.0, 0.0, 0.0
-    change, left = float(found.weight[-1]), math.sqrt(found.residual) * float(np.std(y))
-    if abs(change) < max(0.5 * REPORTED * top, left, zero, 2.0 * white_noise(level)):
-        return 0.0, 0.0, 0.0, 0.0
-    return abs(change / float(found.error[-1])), change / top, change, float(best)
+    best = level[order[int(np.argmax(np.abs(np.cumsum(residual[order])[:-1]) / weight)) + 1]]
+    step = step_beside(course, (level >= best).astype(np.float64))
+    if step is None:
+        return NO_STEP
+    size, certain = abs(step.height), CERTAIN + 1.0  # as one of many levels
+    if size < max(certain * step.error, 0.5 * REPORTED * top, step.left, zero):
+        return NO_STEP
+    if size < 2.0 * white_noise(level):
+        return NO_STEP
+    return size / step.error, step.height / top, step.height, float(best)

@@ -12,7 +12,7 @@ import numpy as np
 from winchcascade.core.accuracy import CERTAIN, error_sources, open_circuit_current
 from winchcascade.core.integrate import median, median_and_error, smallest_step
 from winchcascade.core.run import Mask
-from winchcascade.reduction.checks.at_rest import rests_of, waits_of
+from winchcascade.reduction.checks.at_rest import waits_of
 from winchcascade.reduction.checks.phased_log import MIN_COMPARED, Fault, PhasedLog
 from winchcascade.reduction.reduction_result import MeasuredLoad
 
@@ -107,7 +107,7 @@ def computed_current(log: PhasedLog) -> Iterator[Fault]:
     load.
     """
     wait = waits_of(log).get("vdc", math.inf)
-    spans = [(max(rest.begin, rest.last + wait), rest.end) for rest in rests_of(log)]
+    spans = [(max(rest.begin, rest.last + wait), rest.end) for rest in log.rests]
     volt, ampere = log.samples("vdc", spans), log.samples("idc", spans)
     if not volt.size == ampere.size >= MIN_COMPARED or np.mean(volt < 0.0) < BELOW:
         return

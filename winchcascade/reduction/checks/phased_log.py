@@ -14,7 +14,8 @@ import numpy as np
 
 from winchcascade.core.accuracy import CERTAIN, open_circuit_current
 from winchcascade.core.cascade import ELECTRICAL, Power
-from winchcascade.core.integrate import largest
+from winchcascade.core.integrate import largest, median
+from winchcascade.core.quantity import ATMOSPHERE
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run, Signal
 from winchcascade.ingest.checks.motion import MotionGain, Travel, gain_of
@@ -49,6 +50,17 @@ class Fault(NamedTuple):
     spans: Sequence[Span]
     values: Mapping[str, object]
     places: int | None = None
+
+
+class Rest(NamedTuple):
+    """A rest before a payout or a hold after it, and the end of the motion before it that turned
+    the rotor. [s]
+    """
+
+    begin: float
+    end: float
+    hold: bool
+    last: float
 
 
 class OperatingPoints(NamedTuple):
@@ -88,12 +100,10 @@ class PhasedLog(msgspec.Struct, frozen=True, dict=True):
     def samples(self, channel: str, spans: Sequence[Span]) -> Signal:
         """Samples of a channel in some spans; none of a channel that the log lacks."""
         x = self.run.channels.get(channel)
-        parts = (
-            []
-            if x is None
-            else [x[self.phased.rows(begin, end)] for begin, end in spans if end > begin]
-        )
-        return np.concatenate(parts) if parts else np.empty(0)
+        if x is None or not spans:
+            return np.empty(0)
+        rows = self.run.t.searchsorted(np.array(spans)).tolist()
+        return np.concatenate([x[first:last] for first, last in rows])
 
     def zero_limit(self, channel: str) -> float:
         """Zero of a channel that its accuracy does not explain, 0 where none is stated. [SI unit
@@ -230,3 +240,84 @@ class PhasedLog(msgspec.Struct, frozen=True, dict=True):
                     )
                     spans.append(span)
         return OperatingPoints(np.reshape(means, (-1, 2)).T, np.reshape(errors, (-1, 2)).T, spans)
+
+    @cached_property
+    def rests(self) -> list[Rest]:
+        """Rests before payouts and holds after them, in order of time, without what smoothing
+        blurs; a one-way clutch is open in haul-in.
+
+        Before the first payout the beginning of the log counts as the end of the motion, since the
+        time before it is unknown.
+        """
+        phased, blur, found = self.phased, 0.5 * self.rig.thresholds.smoothing, []
+        for k in phased.chosen():
+            cycle, before = phased.cycles[k], phased.cycles[k - 1] if k else None
+            if not cycle.begins_inside and (before is None or before.haul_in is not None):
+                begin = (
+                    float(self.run.t[0])
+                    if before is None or before.haul_in is None
+                    else before.haul_in[1]
+                )
+                turned = (
+                    begin
+                    if before is None or self.rig.drivetrain.one_way_clutch is False
+                    else before.payout_end
+                )
+                found.append(Rest(begin + blur, cycle.onset - blur, False, turned))
+            if cycle.hold is not None:
+                found.append(
+                    Rest(cycle.hold[0] + blur, cycle.hold[1] - blur, True, cycle.payout_end)
+                )
+        return found
+
+    @cached_property
+    def forces_at_rest(self) -> list[tuple[Rest, float, float]]:
+        """Rests with the median line tension, and with the one that holds the gas without
+        friction. [N]
+        """
+        part, radius, channels = self.rig.restoring, self.rig.r_drum, self.run.channels
+        if (
+            radius is None
+            or part.lead is None
+            or part.area_piston is None
+            or "force" not in channels
+            or not self.phased.u_zero("force")
+        ):
+            return []
+        per_travel = (
+            part.area_piston.value * part.lead.value / (2.0 * math.pi * radius)
+        )  # of gas; force per pressure
+        gauge, paid, found = channels.get("pressure"), channels.get("displacement"), []
+        for rest in self.rests:
+            rows, balanced = self.phased.rows(rest.begin, rest.end), 0.0
+            if rows.stop - rows.start < MIN_COMPARED // 2:
+                continue
+            if gauge is not None:
+                balanced = median(gauge[rows]) * per_travel
+            elif paid is not None and part.p_precharge is not None and part.volume_gas is not None:
+                left = 1.0 - per_travel * median(paid[rows]) / part.volume_gas.value
+                filled = part.p_precharge.value + ATMOSPHERE
+                balanced = (filled / left - ATMOSPHERE) * per_travel if left > 0.0 else 0.0
+            if balanced > 0.0:
+                found.append((rest, median(channels["force"][rows]), balanced))
+        return found
+
+    @cached_property
+    def level(self) -> list[Span]:
+        """Plateaus of the checked payouts. [s]"""
+        plateaus = (self.phased.plateaus[k] for k in self.phased.chosen())
+        return [(p.begin, p.braking) for p in plateaus if p is not None and p.braking > p.begin]
+
+    @cached_property
+    def level_rows(self) -> list[slice]:
+        """Rows of these plateaus, of those that hold a sample."""
+        rows = (self.phased.rows(*span) for span in self.level)
+        return [of for of in rows if of.stop > of.start]
+
+    @cached_property
+    def level_means(self) -> dict[str, Signal]:
+        """Means of each channel over these rows, (k,)."""
+        return {
+            name: np.array([x[rows].mean() for rows in self.level_rows])
+            for name, x in self.run.channels.items()
+        }

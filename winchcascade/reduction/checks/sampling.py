@@ -217,5 +217,5 @@ def recorded_step(x: Signal, least: float) -> float:
     changes = changes[changes > 0.0]
     if changes.size < MIN_COMPARED // 2 or (step := quantile(changes, 0.05)) < least:
         return 0.0
-    coarse = 2 < distinct(x).size <= 0.5 * x.size and white_noise(x) <= DITHERED * step
+    coarse = white_noise(x) <= DITHERED * step and 2 < distinct(x).size <= 0.5 * x.size
     return step if coarse else 0.0
