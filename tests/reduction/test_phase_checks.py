@@ -18,7 +18,8 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Finding
 from winchcascade.reduction.checks.sampling import update_interval
-from winchcascade.reduction.uncertainty import SAMPLING, uncertainty
+from winchcascade.reduction.error_model import SAMPLING
+from winchcascade.reduction.uncertainty import uncertainty
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 LOGS = {

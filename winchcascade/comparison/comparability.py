@@ -14,7 +14,7 @@ from winchcascade.comparison.comparison_result import (
     NoteKind,
 )
 from winchcascade.core.campaign_file import KINDS
-from winchcascade.reduction.uncertainty import R_DRUM
+from winchcascade.reduction.error_model import R_DRUM
 
 LENGTH_SAME = 0.01
 """Relative difference of mean window lengths that is not reported: a rule such as `auto` follows

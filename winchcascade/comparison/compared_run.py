@@ -14,9 +14,9 @@ from winchcascade.core.campaign_file import Origin, origin_from
 from winchcascade.core.cascade import Cascade, field_of
 from winchcascade.core.errors import WinchcascadeError
 from winchcascade.reduction.campaign_record import configured_cascade
+from winchcascade.reduction.error_model import SAMPLING
 from winchcascade.reduction.run_record import CycleRecord, Numbers, RunRecord, UncertaintyRecord
 from winchcascade.reduction.timing import TIMING
-from winchcascade.reduction.uncertainty import SAMPLING
 
 
 class CompareError(WinchcascadeError):

@@ -20,9 +20,9 @@ from winchcascade.core.cascade import field_of
 from winchcascade.core.integrate import integrals
 from winchcascade.core.run import Signal
 from winchcascade.reduction.efficiency import not_negative, ratio
+from winchcascade.reduction.error_model import Energy, ErrorModel, error_model, integrated
 from winchcascade.reduction.gap_error import all_gaps, energy_error
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.reduction.uncertainty import Energy, ErrorModel, error_model, integrated
 from winchcascade.reduction.wave_bootstrap import BOOTSTRAP, RatioOfSums, ratio_of_sums
 
 GAPS = "bridged gaps"

@@ -11,8 +11,9 @@ from winchcascade.core.accuracy import ACQUISITION, ErrorSource
 from winchcascade.core.campaign_file import KINDS, Origin, joint_origin
 from winchcascade.core.plain_text import first_of
 from winchcascade.reduction.efficiency import NET_METRICS
+from winchcascade.reduction.error_model import R_DRUM, SAMPLING
 from winchcascade.reduction.timing import TIMING
-from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, Budget, shares
+from winchcascade.reduction.uncertainty import Budget, shares
 from winchcascade.report.content import Measured, shown
 from winchcascade.report.glossary import CHANNELS, SENSORS, metric
 

@@ -15,9 +15,10 @@ from winchcascade.core.quantity import si_unit
 from winchcascade.core.run import Finding, Run
 from winchcascade.reduction.bins import STORES, Bin
 from winchcascade.reduction.efficiency import NET_METRICS
+from winchcascade.reduction.error_model import R_DRUM
 from winchcascade.reduction.phase_summary import BothWays
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
-from winchcascade.reduction.uncertainty import R_DRUM, BudgetRow, Uncertainty, shares
+from winchcascade.reduction.uncertainty import BudgetRow, Uncertainty, shares
 from winchcascade.report.content import (
     Cell,
     Column,
