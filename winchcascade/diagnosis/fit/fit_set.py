@@ -139,8 +139,8 @@ def fit_set(
     start : fields to begin from by suspect; suspects without any begin absent
     columns : (n, k) derivative of the residuals there or near, which serves as long as it foresees
         what a step brings
-    settled, rough : improvement of the objective below which a step is not worth it, and as a
-        share of what the fit has gained [1]
+    settled, rough : improvement of the objective below which a further step is not worth it, and
+        as a share of what the fit has gained [1]
     """
     names = tuple(sorted(names))
     free, x = (
@@ -154,9 +154,9 @@ def fit_set(
     fit, fresh = at(np.clip(x, free.minimum, free.maximum)), columns is None
     columns = columns_of(problem, marginal, fit, names) if columns is None else columns
     begin, promised = fit.loss, 0.0
-    for _ in range(STEPS):
+    for taken in range(STEPS):
         step, promised = _best_step(fit, columns)
-        if promised < max(settled, rough * (begin - fit.loss)):
+        if promised < (max(settled, rough * (begin - fit.loss)) if taken else WORTHWHILE):
             break
         tried = (at(np.clip(fit.x + share * step, free.minimum, free.maximum)) for share in SHARES)
         there = next((one for one in tried if one.loss < fit.loss), None)
