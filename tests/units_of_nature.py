@@ -109,7 +109,8 @@ NUMBERS = {
     "generator.k_e": "volt / rotor",
     "generator.r_s": "ohm",
     "generator.r_diode": "ohm",
-    "generator.l_s": "ohm / rotor",
+    "generator.pole_pairs": "/ gear",
+    "generator.l_s": "ohm * time",
     "generator.v_diode": "volt",
     "generator.speed_rated": "rotor",
     "generator.i_rated": "ampere",
@@ -118,8 +119,9 @@ NUMBERS = {
     "sensors.electrical_lag": "time",
     "sensors.zero.force": "force",
 }
-"""Numbers with a unit, by their names in a rig file or else in the model; any other has none, or
-is a pressure.
+"""Numbers that change, by their names in a rig file or else in the model; any other has no unit, or
+is a pressure. Pole pairs change with the gear so that the electrical period keeps its share of a
+ramp.
 """
 
 OF_LAWS = {

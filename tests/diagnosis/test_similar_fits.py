@@ -34,8 +34,9 @@ from winchcascade.diagnosis.explain.planned_run import planned
 from winchcascade.diagnosis.fit.misfit import Fitted
 from winchcascade.diagnosis.fit.nuisances import Nuisance
 from winchcascade.diagnosis.fit.undetermined import undetermined
-from winchcascade.diagnosis.handover import posterior
 from winchcascade.diagnosis.handover.calibrate import calibrate
+from winchcascade.diagnosis.handover.posterior import RigPosterior
+from winchcascade.diagnosis.handover.tested import Tested as Covered
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.effects.effect import Parameter
@@ -203,8 +204,8 @@ def designed(nature: Nature) -> Design:
     loads = tuple(nature.ohm * load for load in LOADS)
     judgement = Judgement("explained", causes=("copper_heating", "line_drag"))
     force, length, ramp = 2000.0 * nature.force, 9.0 * nature.length, 1.6 * nature.time
-    tested = posterior.Tested("", "", judgement, loads, border, force, 0.9 * speed, length, ramp)
-    known = posterior.RigPosterior(model, numbers, (0.01, -0.002), effects, covariance)
+    tested = Covered("", "", judgement, loads, border, force, 0.9 * speed, length, ramp)
+    known = RigPosterior(model, numbers, (0.01, -0.002), effects, covariance)
     return design(known, tested, speeds=[v * speed for v in SPEEDS])
 
 

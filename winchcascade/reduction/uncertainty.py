@@ -203,8 +203,9 @@ def _scatters(reduction: Reduction) -> dict[str, Scatter]:
     rows = [[cycle.metrics[metric] for metric in metrics] for cycle in reduction.complete]
     values = np.reshape(np.array(rows, dtype=np.float64), (len(rows), len(metrics)))
     number = np.count_nonzero(np.isfinite(values), axis=0)
-    squares = np.nansum((values - np.nansum(values, axis=0) / number) ** 2, axis=0)
-    u = np.sqrt(squares / (np.maximum(number - 1, 1) * number))
+    means = np.nansum(values, axis=0) / np.maximum(number, 1)
+    squares = np.nansum((values - means) ** 2, axis=0)
+    u = np.sqrt(squares / np.maximum((number - 1) * number, 1))
     known = zip(metrics, u.tolist(), number.tolist(), strict=True)
     return {metric: Scatter(of, n - 1.0) for metric, of, n in known if n > 1}
 
