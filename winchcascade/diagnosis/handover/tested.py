@@ -34,8 +34,8 @@ class Tested(msgspec.Struct, frozen=True):
     travel and the time of its ramp. `warm` is the DC current (rms over a cycle) that keeps the
     machine as warm as in its warmest run, repeated at the spacing of the runs; None without
     heating. `u_load` is how well Vdc is known at one load beside that at all, as a share, by the
-    discrepancy of the model. The `judgement` is that of the diagnosis, `thresholds` are those by which its logs are
-    reduced; what is left out follows the scales of a motion.
+    discrepancy of the model. The `judgement` is that of the diagnosis. `thresholds` are those by
+    which its logs are reduced; others follow the scales of a motion.
     """
 
     title: str
