@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from winchcascade.core.integrate import BLOCK, usual_interval
@@ -52,9 +54,8 @@ def local_quadratic(t: Signal, x: Signal, width: float) -> Signal:
     if half < 1:
         return x.copy()
     if t.size > 2 * half:  # a width of more intervals than the log has would make as many weights
-        weights, rows = smoothing_weights(half), x.reshape(-1, t.size)
-        smoothed, *others = [np.convolve(row, weights, mode="same") for row in rows]
-        smoothed = np.stack((smoothed, *others)) if x.ndim > 1 else smoothed
+        smooth = partial(np.convolve, v=smoothing_weights(half), mode="same")
+        smoothed = smooth(x) if x.ndim == 1 else np.stack([smooth(row) for row in x])
     else:
         smoothed = x.copy()
     by_fit = _near(_uneven(t, usual), half, t.size)

@@ -213,7 +213,7 @@ class Marginal:
 
         Parameters
         ----------
-        begin : nuisances from which the steps lead, 0 by default
+        begin : nuisances to start from, 0 by default
         """
         nu = np.zeros(self.spread.shape[0]) if begin is None else begin
         left, loss = z - self.columns @ nu, np.inf

@@ -72,8 +72,8 @@ matter. [1]"""
 
 LATE = 1 / 24
 """Share of an electrical period by which a bridge answers late, one standard uncertainty: that of
-the model answers at once, a real one at its next commutation, within a sixth of a period. Of the
-period at the top speed of the line. [1]"""
+the model answers at once, a real one at its next commutation, after a twelfth of a period in the
+mean. Half of that, of the period at the top speed of the line. [1]"""
 
 RISING = 1 / 3
 """Voltage `2 l_s di/dt` of a current that rises in a ramp, which the model leaves out, over the

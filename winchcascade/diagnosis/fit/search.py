@@ -60,7 +60,7 @@ probability.
 
 BEHIND = 0.05
 """Share of the evidence that a set lacks to the best one, beyond `2 FAR`, to which its fit may stay
-rough. [1]
+rough: it is never the best, and what it leaves of the gap changes by less than this share. [1]
 """
 
 NEAR_ZERO = 2.0
@@ -199,7 +199,7 @@ class Found(msgspec.Struct, frozen=True):
 
 
 def opened(problem: Problem, on_progress: Callable[[str], None] = lambda _: None) -> Found:
-    """A search at its begin: expanded where no suspect acts, with fits of the most promising sets
+    """A search at its start: expanded where no suspect acts, with fits of the most promising sets
     near to that.
 
     Parameters

@@ -64,11 +64,8 @@ def predicting_best(found: Found, held_out: HeldOut) -> Found:
         return predicting_best(gone_on(without), held_out)
     if len(best.names) < 2:
         return found
-    of_best, worth, suspects = (
-        held_out.of(found, best),
-        weighing(found).worth,
-        found.problem.suspects,
-    )
+    of_best, worth = held_out.of(found, best), weighing(found).worth
+    suspects = found.problem.suspects
     cancel = any(pair.size > pair.limit for pair in cancelling(Judged(data, suspects, best)))
     spared = DISPENSABLE if cancel else 0.0
     least = 1.0 - MUCH_MORE * (1.0 - of_best.low) - spared
